@@ -1,0 +1,1 @@
+"""Every method but LatentCEM, one module each."""

@@ -1,0 +1,85 @@
+"""Rigid motions as (4, 4) matrices, and the one Euler convention of the field's papers.
+
+Angles are (x, y, z) in degrees with R = Rx Ry Rz on column vectors: SciPy's lower-case (extrinsic) 'zyx' on the
+triple (z, y, x), as in DCP's code.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Matrix = NDArray[np.float64]
+
+# Float32 networks answer rotations that are orthonormal to about 1e-6; a reflection or a scale is off by far more.
+RIGID_TOLERANCE = 1e-4
+
+
+def se3(rotation: ArrayLike, translation: ArrayLike) -> Matrix:
+    """Return the (4, 4) float64 motion of a (3, 3) rotation and a (3,) translation."""
+    T = np.eye(4)
+    T[:3, :3] = rotation
+    T[:3, 3] = translation
+    return T
+
+
+def invert(T: ArrayLike) -> Matrix:
+    """Return the inverse of a (4, 4) rigid motion, exactly as a rigid motion (rotation transposed)."""
+    matrix = np.asarray(T, dtype=np.float64)
+    rotation = matrix[:3, :3].T
+    return se3(rotation, -rotation @ matrix[:3, 3])
+
+
+def transform(T: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
+    """Move (N, 3) points by a (4, 4) rigid motion."""
+    matrix = np.asarray(T, dtype=np.float64)
+    moved: NDArray[np.float64] = np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
+
+
+def why_not_rigid(T: object, tolerance: float = RIGID_TOLERANCE) -> str | None:
+    """Say in words why a value is not a (4, 4) rigid motion, or return None if it is one."""
+    try:
+        matrix = np.asarray(T, dtype=np.float64)
+    except (TypeError, ValueError):
+        return f"not a matrix of numbers: {type(T).__name__}"
+    if matrix.shape != (4, 4):
+        return f"shape {matrix.shape}, expected (4, 4)"
+    if not np.isfinite(matrix).all():
+        return "has values that are not finite"
+    if np.abs(matrix[3] - (0, 0, 0, 1)).max() > tolerance:
+        return "its last row is not 0 0 0 1"
+    rotation = matrix[:3, :3]
+    if (error := np.abs(rotation @ rotation.T - np.eye(3)).max()) > tolerance:
+        return f"its rotation is not orthonormal (off by {error:.2g})"
+    if np.linalg.det(rotation) < 0:
+        return "its rotation is a reflection"
+    return None
+
+
+def rotation_from_euler_deg(angles_deg: ArrayLike) -> Matrix:
+    """Return R = Rx Ry Rz, (3, 3) float64, for angles (x, y, z) in degrees."""
+    x, y, z = np.radians(np.asarray(angles_deg, dtype=np.float64))
+    cx, cy, cz, sx, sy, sz = np.cos(x), np.cos(y), np.cos(z), np.sin(x), np.sin(y), np.sin(z)
+    return np.array(
+        [
+            [cy * cz, -cy * sz, sy],
+            [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
+            [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
+        ]
+    )
+
+
+def euler_deg_from_rotation(rotations: ArrayLike) -> NDArray[np.float64]:
+    """Return angles (x, y, z) in degrees with R = Rx Ry Rz, for (..., 3, 3) rotations; shape (..., 3).
+
+    y lies in [-90, 90], x and z in (-180, 180]. At y = +-90 deg only x + z or x - z is defined; z is then 0.
+    """
+    R = np.asarray(rotations, dtype=np.float64)
+    cos_y = np.hypot(R[..., 0, 0], R[..., 0, 1])
+    locked = cos_y < 1e-12
+    x = np.where(locked, np.arctan2(R[..., 2, 1], R[..., 1, 1]), np.arctan2(-R[..., 1, 2], R[..., 2, 2]))
+    y = np.arctan2(R[..., 0, 2], cos_y)
+    z = np.where(locked, 0.0, np.arctan2(-R[..., 0, 1], R[..., 0, 0]))
+    angles: NDArray[np.float64] = np.degrees(np.stack([x, y, z], axis=-1))
+    return angles

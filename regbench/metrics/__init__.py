@@ -1,0 +1,1 @@
+"""Pure functions that score estimates, then the table of metrics."""

@@ -1,0 +1,1 @@
+"""Protocols: named, versioned problem sets."""

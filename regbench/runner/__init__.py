@@ -1,0 +1,1 @@
+"""Schedule, isolated worker, timing, journal: from a plan of trials to rows."""
