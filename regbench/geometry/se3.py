@@ -41,7 +41,7 @@ def why_not_rigid(T: object, tolerance: float = RIGID_TOLERANCE) -> str | None:
     """Say in words why a value is not a (4, 4) rigid motion, or return None if it is one."""
     try:
         matrix = np.asarray(T, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):  # RuntimeError: a torch tensor that requires a gradient
         return f"not a matrix of numbers: {type(T).__name__}"
     if matrix.shape != (4, 4):
         return f"shape {matrix.shape}, expected (4, 4)"
@@ -50,7 +50,9 @@ def why_not_rigid(T: object, tolerance: float = RIGID_TOLERANCE) -> str | None:
     if np.abs(matrix[3] - (0, 0, 0, 1)).max() > tolerance:
         return "its last row is not 0 0 0 1"
     rotation = matrix[:3, :3]
-    if (error := np.abs(rotation @ rotation.T - np.eye(3)).max()) > tolerance:
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if not error <= tolerance:
         return f"its rotation is not orthonormal (off by {error:.2g})"
     if np.linalg.det(rotation) < 0:
         return "its rotation is a reflection"
@@ -73,13 +75,14 @@ def rotation_from_euler_deg(angles_deg: ArrayLike) -> Matrix:
 def euler_deg_from_rotation(rotations: ArrayLike) -> NDArray[np.float64]:
     """Return angles (x, y, z) in degrees with R = Rx Ry Rz, for (..., 3, 3) rotations; shape (..., 3).
 
-    y lies in [-90, 90], x and z in (-180, 180]. At y = +-90 deg only x + z or x - z is defined; z is then 0.
+    y lies in [-90, 90], x and z in [-180, 180]. At y = +-90 deg only x + z or x - z is defined; x is then 0, as in
+    SciPy. z is read off Rx^T R = Ry Rz, so that the angles give the rotation back also near that lock.
     """
     R = np.asarray(rotations, dtype=np.float64)
-    cos_y = np.hypot(R[..., 0, 0], R[..., 0, 1])
-    locked = cos_y < 1e-12
-    x = np.where(locked, np.arctan2(R[..., 2, 1], R[..., 1, 1]), np.arctan2(-R[..., 1, 2], R[..., 2, 2]))
-    y = np.arctan2(R[..., 0, 2], cos_y)
-    z = np.where(locked, 0.0, np.arctan2(-R[..., 0, 1], R[..., 0, 0]))
+    locked = np.hypot(R[..., 0, 0], R[..., 0, 1]) < 1e-12
+    x = np.where(locked, 0.0, np.arctan2(-R[..., 1, 2], R[..., 2, 2]))
+    y = np.arctan2(R[..., 0, 2], np.hypot(R[..., 0, 0], R[..., 0, 1]))
+    cx, sx = np.cos(x), np.sin(x)
+    z = np.arctan2(cx * R[..., 1, 0] + sx * R[..., 2, 0], cx * R[..., 1, 1] + sx * R[..., 2, 1])
     angles: NDArray[np.float64] = np.degrees(np.stack([x, y, z], axis=-1))
     return angles

@@ -1,0 +1,123 @@
+"""RANSAC over matched FPFH features (Fischler and Bolles 1981; Rusu et al. 2009), open3d's implementation."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from regbench.contract import Problem, Registrar, Registration
+
+from .fpfh import cloud_with_features
+from .local_frame import LocalFrame, require_surface
+from .open3d_library import import_open3d, point_to_point_icp, seed_open3d
+
+
+class Ransac(Registrar):
+    """RANSAC on FPFH matches, by default with a final ICP. Lengths are in extents of the target.
+
+    open3d draws its samples in parallel: the answer repeats only where the process is pinned to one core, as the
+    runner's workers are unless more threads are asked for.
+
+    Args:
+        normal_radius: Neighbourhood of a normal.
+        normal_neighbours: Most neighbours of a normal.
+        feature_radius: Neighbourhood of a feature.
+        feature_neighbours: Most neighbours of a feature.
+        orient_normals: Turn normals away from the centroid before features are computed.
+        mutual: Keep only matches that are each other's nearest.
+        max_distance: Farthest inlier.
+        edge_similarity: Least ratio of matched edge lengths in a sample.
+        max_iterations: Most samples.
+        confidence: Stop when a better sample is this unlikely.
+        refine: "icp" for a final point-to-point ICP, or "none".
+        refine_distance: Farthest match of the final ICP.
+        refine_iterations: Most iterations of the final ICP.
+    """
+
+    name = "ransac"
+    requires = ("open3d",)
+
+    def __init__(
+        self,
+        *,
+        normal_radius: float = 0.2,
+        normal_neighbours: int = 30,
+        feature_radius: float = 0.5,
+        feature_neighbours: int = 100,
+        orient_normals: bool = True,
+        mutual: bool = False,
+        max_distance: float = 0.05,
+        edge_similarity: float = 0.9,
+        max_iterations: int = 100_000,
+        confidence: float = 0.999,
+        refine: Literal["none", "icp"] = "icp",
+        refine_distance: float = 0.2,
+        refine_iterations: int = 60,
+    ) -> None:
+        self.normal_radius = normal_radius
+        self.normal_neighbours = normal_neighbours
+        self.feature_radius = feature_radius
+        self.feature_neighbours = feature_neighbours
+        self.orient_normals = orient_normals
+        self.mutual = mutual
+        self.max_distance = max_distance
+        self.edge_similarity = edge_similarity
+        self.max_iterations = max_iterations
+        self.confidence = confidence
+        self.refine = refine
+        self.refine_distance = refine_distance
+        self.refine_iterations = refine_iterations
+
+    def prepare(self) -> None:
+        """Import open3d."""
+        import_open3d()
+
+    def register(self, problem: Problem) -> Registration:
+        """Estimate T_target_source.
+
+        Raises:
+            ValueError: A cloud has fewer than three distinct points.
+        """
+        require_surface(problem)
+        frame = LocalFrame.of(problem)
+        (source, source_features), (target, target_features) = (
+            cloud_with_features(
+                points,
+                normal_radius=self.normal_radius,
+                normal_neighbours=self.normal_neighbours,
+                feature_radius=self.feature_radius,
+                feature_neighbours=self.feature_neighbours,
+                orient_normals=self.orient_normals,
+            )
+            for points in (frame.source, frame.target)
+        )
+        seed_open3d(problem.seed)
+        registration = import_open3d().pipelines.registration
+        result = registration.registration_ransac_based_on_feature_matching(
+            source,
+            target,
+            source_features,
+            target_features,
+            self.mutual,
+            self.max_distance,
+            registration.TransformationEstimationPointToPoint(),
+            3,
+            [
+                registration.CorrespondenceCheckerBasedOnEdgeLength(self.edge_similarity),
+                registration.CorrespondenceCheckerBasedOnDistance(self.max_distance),
+            ],
+            registration.RANSACConvergenceCriteria(self.max_iterations, self.confidence),
+        )
+        if self.refine == "icp":
+            result = point_to_point_icp(
+                source,
+                target,
+                result.transformation,
+                max_distance=self.refine_distance,
+                max_iterations=self.refine_iterations,
+                tolerance=1e-8,
+            )
+        return Registration(
+            T_target_source=frame.from_local(np.asarray(result.transformation)), confidence=result.fitness
+        )
