@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import types
-import typing
 from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -17,28 +16,29 @@ def parameter_types(method: type) -> dict[str, Any]:
     Raises:
         UserError: A parameter is not keyword-only or has no default.
     """
-    if method.__init__ is object.__init__:
-        return {}
-    try:
-        hints = typing.get_type_hints(method.__init__)
-    except (NameError, TypeError):  # an annotation that only a type checker can see
-        hints = {}
-    parameters = list(inspect.signature(method.__init__).parameters.values())[1:]
-    for parameter in parameters:
+    for parameter in _parameters(method):
         if parameter.kind is not parameter.KEYWORD_ONLY or parameter.default is parameter.empty:
             raise UserError(
                 f"method class {method.__qualname__}: constructor parameter '{parameter.name}' must be keyword-only "
                 "with a default; write `def __init__(self, *, name=default)`"
             )
-    return {parameter.name: hints.get(parameter.name, Any) for parameter in parameters}
+    return {
+        parameter.name: Any if parameter.annotation is parameter.empty else parameter.annotation
+        for parameter in _parameters(method)
+    }
 
 
 def defaults_of(method: type) -> dict[str, object]:
     """Return the constructor's defaults by name."""
-    if method.__init__ is object.__init__:
-        return {}
-    parameters = list(inspect.signature(method.__init__).parameters.values())[1:]
-    return {parameter.name: parameter.default for parameter in parameters}
+    return {parameter.name: parameter.default for parameter in _parameters(method)}
+
+
+def _parameters(method: type) -> list[inspect.Parameter]:
+    try:
+        signature = inspect.signature(method, eval_str=True)
+    except NameError:  # an annotation that only a type checker can see
+        signature = inspect.signature(method)
+    return list(signature.parameters.values())
 
 
 def parameters_of(method: object) -> dict[str, object]:

@@ -22,13 +22,15 @@ from regbench.parameters import resolve
 from regbench.suggest import unknown
 
 if TYPE_CHECKING:
+    from regbench.datasets.dataset import Dataset
     from regbench.protocols.protocol import Protocol
 
-REGISTRARS, PROTOCOLS, DATASETS, PREPARATIONS = (
+REGISTRARS, PROTOCOLS, DATASETS, PREPARATIONS, DOWNLOADS = (
     "regbench.registrars",
     "regbench.protocols",
     "regbench.datasets",
     "regbench.preparations",
+    "regbench.downloads",
 )
 
 
@@ -235,6 +237,16 @@ class MethodRegistry:
         """
         cls, locator = self.find(spec.name)
         return Method(spec.asked, cls, resolve(cls, dict(spec.given), spec.name), locator)
+
+
+def open_dataset(name: str, data_dir: Path) -> Dataset:
+    """Open a dataset by name.
+
+    Raises:
+        UserError: Unknown name, or not prepared in `data_dir`.
+    """
+    dataset: Dataset = load(DATASETS, name, what="dataset", listing="`regbench ls datasets`")(data_dir)
+    return dataset
 
 
 def find_protocol(text: str) -> Protocol:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -103,12 +102,3 @@ class Protocol(ABC):
         Raises:
             UserError: The dataset is not prepared in `data_dir`, or is not fit for the protocol.
         """
-
-
-def fingerprint(protocol_id: str, problems: ProblemSet) -> str:
-    """Return the SHA-256 over every problem's clouds and answer: what freezes a protocol on its data."""
-    digest = hashlib.sha256(f"{protocol_id} {len(problems)}".encode())
-    for pair in problems:
-        for array in (pair.source, pair.target, pair.T_target_source):
-            digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()

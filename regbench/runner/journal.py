@@ -55,7 +55,7 @@ class Journal:
         self.path = path
         self.torn_bytes = 0
         try:
-            self._file = open(path, "a+b")  # noqa: SIM115 - closed by close()
+            self._file = path.open("a+b")
         except OSError as error:
             raise UserError(f"{path}: cannot be opened for writing ({error.strerror})") from error
         try:

@@ -1,0 +1,48 @@
+"""The entry point: verbs by name, imported when used, and one clear line for what is the user's to mend."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from regbench.cli import align, check, data, doctor, ls, new, run, table
+from regbench.errors import UserError
+
+app = typer.Typer(
+    help="Point cloud registration methods, measured on named protocols.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+app.command("run")(run.run)
+app.command("table")(table.table)
+app.command("align")(align.align)
+app.command("ls")(ls.ls)
+app.command("check")(check.check)
+app.command("new")(new.new)
+app.command("doctor")(doctor.doctor)
+app.add_typer(data.app, name="data")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code: 0, 1 for 'no' as an answer, 2 for bad input, 130 for Ctrl-C."""
+    try:
+        result = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+    except UserError as error:
+        print(f"regbench: {error}", file=sys.stderr)
+        return 2
+    except typer.TyperException as error:
+        words = error.format_message() if hasattr(error, "format_message") else str(error)
+        print(f"regbench: {' '.join(words.split())} (see --help)", file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        print("regbench: interrupted; give the same command again to continue", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+    return result if isinstance(result, int) else 0

@@ -1,0 +1,13 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Methods = Annotated[list[str], typer.Option("--method", "-m", help="Methods, e.g. icp,fgr[preset=paper].")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of prepared data (or REGBENCH_DATA; else ./data).")]
+Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with methods; may be repeated.")]
+Json = Annotated[bool, typer.Option("--json", help="JSON instead of text.")]

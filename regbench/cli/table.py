@@ -1,0 +1,46 @@
+"""regbench table: the table of one run or several."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from regbench.cli.options import Data
+
+Format = Literal["text", "csv", "markdown", "latex", "json"]
+
+
+def table(
+    runs: Annotated[list[Path] | None, typer.Argument(help="Run folders; the latest run if none is named.")] = None,
+    format: Annotated[Format, typer.Option("--format", "-f", help="How the table is written.")] = "text",
+    paper: Annotated[bool, typer.Option(help="Put the paper's own figures beside ours.")] = False,
+    metric: Annotated[
+        list[str] | None, typer.Option(help="Metrics, see `regbench ls metrics`; may be repeated.")
+    ] = None,
+    protocol: Annotated[list[str] | None, typer.Option(help="Only these protocols; may be repeated.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Only these methods; may be repeated.")] = None,
+    mixed: Annotated[bool, typer.Option(help="Put rows of different protocol versions or data together.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Write to this file.")] = None,
+    data: Data = None,
+) -> None:
+    """Print the table of a run."""
+    from regbench.files import write_atomically
+    from regbench.report.table import render
+    from regbench.runner.rundir import find_run
+
+    text = render(
+        [find_run(path) for path in runs] if runs else [find_run(None)],
+        format=format,
+        paper=paper,
+        metrics=metric,
+        protocols=protocol,
+        methods=method,
+        mixed=mixed,
+        data_dir=data,
+    )
+    if out is None:
+        print(text)
+    else:
+        write_atomically(out, text.encode() + b"\n")

@@ -1,0 +1,39 @@
+"""The seam between a plan and who carries it out."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from regbench.errors import UserError
+from regbench.runner.plan import Plan
+from regbench.suggest import unknown
+
+Row = dict[str, Any]
+
+EXECUTORS = {"local": "regbench.runner.local:LocalExecutor"}
+
+
+class Executor(Protocol):
+    """Carries out the trials of a plan. A trial is the same whoever executes it."""
+
+    def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
+        """Run every trial whose key is not in `done`, and hand over each row as it comes, from one thread at a time.
+
+        An exception that `on_row` raises (a full disk, an interrupt) ends the run: workers are killed and it is raised.
+        """
+
+
+def find_executor(name: str) -> Executor:
+    """Return an executor by name.
+
+    Raises:
+        UserError: Unknown name.
+    """
+    if name not in EXECUTORS:
+        raise UserError(unknown("executor", name, EXECUTORS))
+    module, attribute = EXECUTORS[name].split(":")
+    executor: Executor = getattr(importlib.import_module(module), attribute)()
+    return executor

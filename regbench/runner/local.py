@@ -1,0 +1,179 @@
+"""The local executor: lanes, each with cores of its own and one worker a method."""
+
+from __future__ import annotations
+
+import os
+import queue
+import socket
+import threading
+from collections import OrderedDict, deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from regbench.errors import UserError
+from regbench.runner.plan import Plan, Trial
+from regbench.runner.process import WorkerProcess
+
+Row = dict[str, Any]
+
+OPEN_WORKERS = 12
+
+
+def lane_cores(jobs: int, threads: int) -> list[list[int]]:
+    """Return the cores of each lane: timed trials never share one. The run itself is left the lowest core if it can.
+
+    Raises:
+        UserError: There are not enough cores.
+    """
+    if not hasattr(os, "sched_getaffinity"):
+        return [[] for _ in range(jobs)]
+    cores = sorted(os.sched_getaffinity(0), reverse=True)
+    if jobs * threads > len(cores):
+        raise UserError(
+            f"--jobs {jobs} with --threads {threads} needs {jobs * threads} cores, this process may use {len(cores)}: "
+            "timed trials never share a core"
+        )
+    return [cores[lane * threads : (lane + 1) * threads] for lane in range(jobs)]
+
+
+class LocalExecutor:
+    """Runs trials in processes on this machine, `--jobs` at a time."""
+
+    def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
+        """Run what is not done; see `Executor.execute`."""
+        blocks = deque(plan.blocks(done))
+        rows: queue.Queue[Row | BaseException | None] = queue.Queue(maxsize=1000)
+        stop = threading.Event()
+        cores = lane_cores(plan.config.jobs, plan.config.threads)
+        lanes = [_Lane(plan, blocks, rows, stop, own, logs) for own in cores]
+        threads = [threading.Thread(target=lane.run, name=f"lane {number}") for number, lane in enumerate(lanes)]
+        for thread in threads:
+            thread.start()
+        running = len(threads)
+        try:
+            while running:
+                match rows.get():
+                    case None:
+                        running -= 1
+                    case BaseException() as error:
+                        raise error
+                    case row:
+                        on_row(row)
+        finally:
+            stop.set()
+            for lane in lanes:
+                lane.interrupt()
+            while any(thread.is_alive() for thread in threads):
+                try:
+                    rows.get(timeout=0.05)  # a lane may wait for room in the queue
+                except queue.Empty:
+                    for lane in lanes:
+                        lane.interrupt()  # a worker may have been started just after the first call
+
+
+class _Lane:
+    """Cores of its own, and the workers that take turns on them."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        blocks: deque[list[Trial]],
+        rows: queue.Queue[Row | BaseException | None],
+        stop: threading.Event,
+        cores: Sequence[int],
+        logs: Path,
+    ) -> None:
+        self._plan, self._blocks, self._rows, self._stop = plan, blocks, rows, stop
+        self._cores, self._logs = cores, logs
+        self._workers: OrderedDict[int, WorkerProcess] = OrderedDict()
+        self._host = socket.gethostname()
+
+    def run(self) -> None:
+        """Take blocks until there is none."""
+        try:
+            while not self._stop.is_set():
+                try:
+                    block = self._blocks.popleft()
+                except IndexError:
+                    break
+                for trial in block:
+                    outcome = self._outcome(trial)
+                    if self._stop.is_set():
+                        return  # the worker was killed under it: no answer of the method's
+                    self._rows.put(self._row(trial, outcome))
+        except BaseException as error:  # noqa: BLE001 - handed to the run, which ends with it
+            self._rows.put(error)
+        finally:
+            for worker in self._workers.values():
+                worker.close()
+            self._rows.put(None)
+
+    def interrupt(self) -> None:
+        """Kill the workers, from another thread."""
+        for worker in list(self._workers.values()):
+            worker.interrupt()
+
+    def _outcome(self, trial: Trial) -> Row:
+        planned = self._plan.methods[trial.method]
+        if planned.missing:
+            return {"status": "missing", "error": planned.missing}
+        worker = self._worker(trial.method)
+        if worker.failed:
+            return worker.failed
+        request = {
+            "protocol": self._plan.protocols[trial.protocol].protocol.id,
+            "data_sha256": self._plan.protocols[trial.protocol].problems.data_sha256,
+            "problem": trial.problem,
+            "repeat": trial.repeat,
+            "seed": self._plan.config.seed,
+        }
+        return worker.trial(request, self._plan.config.timeout)
+
+    def _worker(self, method: int) -> WorkerProcess:
+        """Return the method's worker: the one that lives, or a new one. A method that cannot be prepared stays so."""
+        worker = self._workers.get(method)
+        if worker is None or not (worker.alive or worker.failed):
+            while len(self._workers) >= OPEN_WORKERS:
+                self._workers.popitem(last=False)[1].close()
+            config = self._plan.config
+            asked = self._plan.methods[method].method.asked
+            worker = WorkerProcess(
+                method=self._plan.methods[method].method,
+                cores=self._cores,
+                threads=config.threads,
+                device=config.device,
+                data_dir=self._plan.data_dir,
+                memory_gb=config.memory,
+                log=self._logs / f"{asked.replace('/', '_')}.log",
+            )
+            self._workers[method] = worker  # before it prepares, so that an interrupt finds it
+            worker.prepare()
+        self._workers.move_to_end(method)
+        return worker
+
+    def _row(self, trial: Trial, outcome: Row) -> Row:
+        planned = self._plan.methods[trial.method]
+        protocol = self._plan.protocols[trial.protocol]
+        return {
+            "key": trial.key,
+            "method": planned.method.asked,
+            "protocol": protocol.protocol.id,
+            "problem": trial.problem,
+            "repeat": trial.repeat,
+            "status": outcome["status"],
+            "T_target_source": outcome.get("T_target_source"),
+            "time_ms": outcome.get("time_ms"),
+            "cpu_ms": outcome.get("cpu_ms"),
+            "error": outcome.get("error"),
+            "converged": outcome.get("converged"),
+            "iterations": outcome.get("iterations"),
+            "confidence": outcome.get("confidence"),
+            "stages_s": outcome.get("stages_s", {}),
+            "threads_ran": outcome.get("threads_ran"),
+            "peak_rss_mb": outcome.get("peak_rss_mb"),
+            "fingerprint": planned.fingerprint,
+            "protocol_sha256": protocol.sha256,
+            "host": self._host,
+            "cores": list(self._cores),
+        }

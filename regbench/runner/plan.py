@@ -1,0 +1,126 @@
+"""What a run is to do: its configuration, and the trials in the order they are run."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from regbench.protocols.protocol import ProblemSet, Protocol
+from regbench.registry import Method
+from regbench.runner.fingerprint import digest, method_fingerprint
+
+BLOCK = 25
+
+
+class RunConfig(BaseModel):
+    """Every option of a run; the command line and a TOML file fill it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    method: list[str] = Field(min_length=1)
+    protocol: list[str] = Field(default=["demo@1"], min_length=1)
+    limit: int | None = Field(default=None, ge=1)
+    repeat: int = Field(default=1, ge=1)
+    seed: int = 0
+    timeout: float = Field(default=60.0, gt=0)
+    memory: float = Field(default=8.0, gt=0)
+    jobs: int = Field(default=1, ge=1)
+    threads: int = Field(default=1, ge=1)
+    device: str = Field(default="cpu", pattern=r"^(cpu|cuda(:\d+)?)$")
+    executor: str = "local"
+    data: str | None = None
+    out: str | None = None
+    plugin: list[str] = []
+    fresh: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMethod:
+    """A method of a run, with the hash that says when its rows are stale."""
+
+    method: Method
+    fingerprint: str
+    missing: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedProtocol:
+    """A protocol of a run, opened, with the hash over its problems and the number that the run takes."""
+
+    protocol: Protocol
+    problems: ProblemSet
+    sha256: str
+    count: int
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One method on one problem, once."""
+
+    method: int
+    protocol: int
+    problem: int
+    repeat: int
+    key: str
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All that a run is to do."""
+
+    config: RunConfig
+    methods: Sequence[PlannedMethod]
+    protocols: Sequence[PlannedProtocol]
+    data_dir: Path
+
+    def key(self, method: int, protocol: int, problem: int, repeat: int) -> str:
+        """Return the key of a trial: a hash of everything its answer depends on, so that only its equal replaces it."""
+        return digest(
+            [
+                self.methods[method].fingerprint,
+                self.protocols[protocol].sha256,
+                problem,
+                repeat,
+                self.config.seed,
+                self.config.threads,
+                self.config.device,
+            ]
+        )[:32]
+
+    def blocks(self, done: set[str]) -> Iterator[list[Trial]]:
+        """Yield the trials that have no row yet, in blocks of one method each.
+
+        Rounds are interleaved: every method runs a block of problems before any method runs the next, so that a noisy
+        hour on the machine falls on all of them alike. Within a round the order of methods is shuffled, by a seed.
+        """
+        order = list(range(len(self.methods)))
+        shuffle = random.Random(self.config.seed)
+        for repeat in range(self.config.repeat):
+            for protocol, planned in enumerate(self.protocols):
+                for start in range(0, planned.count, BLOCK):
+                    shuffle.shuffle(order)
+                    problems = range(start, min(start + BLOCK, planned.count))
+                    for method in order:
+                        trials = [
+                            Trial(method, protocol, problem, repeat, self.key(method, protocol, problem, repeat))
+                            for problem in problems
+                        ]
+                        if block := [trial for trial in trials if trial.key not in done]:
+                            yield block
+
+    def total(self) -> int:
+        """Return the number of trials, done or not."""
+        return len(self.methods) * self.config.repeat * sum(planned.count for planned in self.protocols)
+
+
+def plan_method(method: Method) -> PlannedMethod:
+    """Return the method with its fingerprint, and what it needs that is not installed."""
+    from importlib.util import find_spec
+
+    missing = [module for module in method.trait("requires") if find_spec(module) is None]
+    reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}".replace("_", "-") if missing else None
+    return PlannedMethod(method, method_fingerprint(method), reason)

@@ -1,0 +1,215 @@
+"""The run's end of a worker: starts it, gives it one trial at a time, and kills it when it must.
+
+A process of our own on a socket rather than a pool: the environment and the affinity are set before the interpreter
+starts, a method that ignores SIGTERM is gone at once (pebble waits 3 s for it), its children die with it, and no
+pickle crosses the border.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from regbench.registry import Method
+
+Message = dict[str, Any]
+
+PREPARE_LIMIT_S = 300.0
+LOG_LIMIT_BYTES = 10_000_000
+WATCH_INTERVAL_S = 0.05
+
+# Spinning threads of OpenMP starve the other core (REFERENCES: 474 ms against 7 ms for small_gicp).
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class WorkerProcess:
+    """One method in a process of its own.
+
+    Args:
+        method: The method to prepare there.
+        cores: CPU cores that the process is confined to; empty for all.
+        threads: Threads it may use.
+        device: "cpu" or "cuda".
+        data_dir: Where prepared data sets are.
+        memory_gb: Memory limit.
+        log: File that takes what the method prints.
+
+    Attributes:
+        failed: Why the method could not be prepared, as part of a row, or None.
+        alive: Whether the process can take another trial.
+    """
+
+    def __init__(
+        self,
+        *,
+        method: Method,
+        cores: Sequence[int],
+        threads: int,
+        device: str,
+        data_dir: Path,
+        memory_gb: float,
+        log: Path,
+    ) -> None:
+        self._memory_bytes = int(memory_gb * 2**30)
+        self._warm: set[str] = set()
+        self._log = log
+        ours, theirs = socket.socketpair()
+        environment = os.environ | {"OMP_WAIT_POLICY": "passive", "PYTHONUNBUFFERED": "1"}
+        environment |= dict.fromkeys(THREAD_VARIABLES, str(threads))
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "regbench.runner.worker", str(theirs.fileno())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            pass_fds=[theirs.fileno()],
+            start_new_session=True,
+        )
+        theirs.close()
+        self._connection = Connection(ours.detach())
+        self._drain = threading.Thread(target=self._drain_output, daemon=True)
+        self._drain.start()
+        self.alive = True
+        self.failed: Message | None = None
+        self._setup = {
+            "cores": list(cores),
+            "threads": threads,
+            "device": device,
+            "data_dir": str(data_dir),
+            "memory_bytes": self._memory_bytes,
+            "parent": os.getpid(),
+            "requires": list(method.trait("requires")),
+            "module": method.locator.module,
+            "file": method.locator.file,
+            "attribute": method.locator.attribute,
+            "parameters": method.parameters,
+        }
+
+    def prepare(self) -> None:
+        """Let the method import, load and compile; sets `failed` if it cannot."""
+        reply = self._ask(self._setup, PREPARE_LIMIT_S)
+        if reply["status"] != "ok":
+            self.failed = reply | {"error": f"while it prepared: {reply['error']}"}
+            self.kill()
+
+    def trial(self, request: Message, timeout_s: float) -> Message:
+        """Run one trial, after a warm-up where its protocol is new to the method; return its part of a row."""
+        protocol = request["protocol"]
+        if protocol not in self._warm:
+            reply = self._ask({"do": "warm_up", **request}, timeout_s)
+            if reply["status"] != "ok":
+                return reply | {"error": f"while it warmed up: {reply['error']}"}
+            self._warm.add(protocol)
+        return self._ask({"do": "trial", **request}, timeout_s)
+
+    def close(self) -> None:
+        """Let an idle process go."""
+        if self.alive:
+            self._connection.close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=1)
+        self.kill()
+
+    def interrupt(self) -> None:
+        """Kill the process from another thread; the thread that waits for it then finds it dead."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+
+    def kill(self) -> None:
+        """Kill the process and whatever it started, at once, and wait until it is gone."""
+        self.alive = False
+        self.interrupt()
+        self._process.wait()
+        self._connection.close()
+        self._drain.join(timeout=1)
+
+    def _ask(self, message: Message, limit_s: float) -> Message:
+        """Send a message and wait for the answer; a death, a time-out and too much memory are answers too."""
+        start = time.perf_counter()
+        try:
+            self._connection.send_bytes(json.dumps(message).encode())
+            while not self._connection.poll(WATCH_INTERVAL_S):
+                waited_s = time.perf_counter() - start
+                if waited_s > limit_s:
+                    self.kill()
+                    words = f"no answer after {limit_s:g} s; killed"
+                    return {"status": "timeout", "error": words, "time_ms": waited_s * 1e3}
+                if self._process.poll() is not None and not self._connection.poll(0):
+                    return self._buried(start)
+                if self._resident_bytes() > self._memory_bytes:
+                    self.kill()
+                    return {"status": "oom", "error": f"over the memory limit of {self._limit_words()}; killed"}
+            reply: Message = json.loads(self._connection.recv_bytes())
+        except (EOFError, OSError):
+            return self._buried(start)
+        except ValueError:  # something of the method's wrote to the socket
+            self.kill()
+            return {"status": "crashed", "error": "the worker's answer is not JSON"}
+        if reply["status"] == "oom":
+            self.kill()  # after a failed allocation a process is not to be trusted
+            reply["error"] += f" (limit {self._limit_words()})"
+        return reply
+
+    def _buried(self, start: float) -> Message:
+        """Return why the process died."""
+        try:
+            code = self._process.wait(timeout=1)
+        except subprocess.TimeoutExpired:
+            code = None
+        self.kill()
+        elapsed = {"time_ms": (time.perf_counter() - start) * 1e3}
+        if b"bad_alloc" in self._log_tail() or b"Cannot allocate memory" in self._log_tail():
+            return {"status": "oom", "error": f"died without memory (limit {self._limit_words()})", **elapsed}
+        if code is None:
+            return {"status": "crashed", "error": "the process closed its connection", **elapsed}
+        if code == -signal.SIGKILL:
+            words = "killed by SIGKILL, not by regbench (the kernel, short of memory?)"
+        elif code < 0:
+            words = f"killed by {signal.Signals(-code).name}"
+        else:
+            words = f"the process ended with exit code {code}"
+        return {"status": "crashed", "error": words, **elapsed}
+
+    def _limit_words(self) -> str:
+        return f"{self._memory_bytes / 2**30:g} GB"
+
+    def _resident_bytes(self) -> int:
+        try:
+            pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[1])
+        except (OSError, IndexError):  # it just died, or this is not Linux
+            return 0
+        return pages * os.sysconf("SC_PAGE_SIZE")
+
+    def _drain_output(self) -> None:
+        """Copy what the process prints to its log, up to a limit; beyond it, read on and drop."""
+        assert self._process.stdout is not None
+        with self._process.stdout as output, self._log.open("ab") as log:
+            room = LOG_LIMIT_BYTES - log.tell()
+            while chunk := os.read(output.fileno(), 65536):
+                if room > 0:
+                    try:
+                        log.write(chunk[:room])
+                        log.flush()
+                    except OSError:  # a full disk: the journal will say so, and the method must not block
+                        room = 0
+                    room -= len(chunk)
+                    if room <= 0:
+                        with contextlib.suppress(OSError):
+                            log.write(b"\n[regbench: log limit reached, the rest is dropped]\n")
+
+    def _log_tail(self) -> bytes:
+        try:
+            return self._log.read_bytes()[-2000:]
+        except OSError:
+            return b""

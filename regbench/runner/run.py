@@ -1,0 +1,127 @@
+"""A run from configuration to rows: reads like a table of contents."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from regbench.datasets.store import data_dir
+from regbench.errors import UserError
+from regbench.protocols.protocol import ProblemSet
+from regbench.registry import MethodRegistry, find_protocol, parse_methods
+from regbench.runner import manifest, rundir
+from regbench.runner.executor import find_executor
+from regbench.runner.journal import Journal, Row, read_rows
+from regbench.runner.plan import Plan, PlannedProtocol, RunConfig, plan_method
+from regbench.runner.rundir import RunDir
+from regbench.runner.status import Status
+
+
+class Progress(Protocol):
+    """What a run tells of itself while it goes on."""
+
+    def start(self, run: RunDir, total: int, done: int) -> None:
+        """Trials in all, and those that already have a row."""
+
+    def row(self, row: Row) -> None:
+        """One more trial."""
+
+    def note(self, message: str) -> None:
+        """Something the user should know."""
+
+
+def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> RunDir:
+    """Carry out a run, continuing where an earlier one of the same folder stopped.
+
+    Raises:
+        UserError: Bad input, or the disk is full. Finished trials are in the journal.
+    """
+    executor = find_executor(config.executor)
+    plan, truths = make_plan(config)
+    run_dir = rundir.of_config(config)
+    rundir.make(run_dir, fresh=config.fresh)
+    with Journal(run_dir.trials) as journal:
+        if journal.torn_bytes:
+            progress.note(
+                f"{run_dir.trials}: a torn last line of {journal.torn_bytes} bytes was cut; its trial runs again"
+            )
+        done = {row["key"] for row in read_rows(run_dir.trials) if row["status"] != Status.MISSING}
+        description = rundir.merge_manifest(run_dir, manifest.describe(plan, list(command)))
+        rundir.write_problems(run_dir, plan, truths)
+        manifest.write(run_dir.manifest, description)
+        rundir.point_latest(run_dir)
+        planned = {trial.key for block in plan.blocks(set()) for trial in block}
+        progress.start(run_dir, total=len(planned), done=len(planned & done))
+        executor.execute(plan, done, run_dir.logs, _recorder(journal, progress))
+        description["finished"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        manifest.write(run_dir.manifest, description)
+    return run_dir
+
+
+def _recorder(journal: Journal, progress: Progress) -> Callable[[Row], None]:
+    def record(row: Row) -> None:
+        journal.append(row)
+        progress.row(row)
+
+    return record
+
+
+def make_plan(config: RunConfig) -> tuple[Plan, dict[str, list[dict[str, Any]]]]:
+    """Resolve every name of a configuration; return the plan and the ground truth of each protocol's problems.
+
+    Raises:
+        UserError: An unknown name, a bad parameter, a dataset that is not prepared, a device that is not there.
+    """
+    _check_device(config.device)
+    registry = MethodRegistry([Path(path) for path in config.plugin])
+    methods = [plan_method(registry.resolve(spec)) for spec in parse_methods(config.method)]
+    folder = data_dir(Path(config.data) if config.data else None)
+    protocols, truths = [], {}
+    for text in _split(config.protocol):
+        protocol = find_protocol(text)
+        if protocol.id in truths:
+            raise UserError(f"protocol '{protocol.id}' is asked for twice")
+        problems = protocol.open(folder)
+        sha256, truths[protocol.id] = survey(protocol.id, problems)
+        count = min(len(problems), config.limit or len(problems))
+        protocols.append(PlannedProtocol(protocol, problems, sha256, count))
+    return Plan(config, methods, protocols, folder.resolve()), truths
+
+
+def survey(protocol_id: str, problems: ProblemSet) -> tuple[str, list[dict[str, Any]]]:
+    """Go once through all problems; return the SHA-256 that freezes them, and each one's answer, label and id."""
+    digest = hashlib.sha256(f"{protocol_id} {len(problems)}".encode())
+    truths = []
+    for index, pair in enumerate(problems):
+        for array in (pair.source, pair.target, pair.T_target_source):
+            digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
+        truth = None if pair.T_target_source is None else pair.T_target_source.tolist()
+        answer = {"T_target_source": truth, "label": pair.label, "id": pair.id}
+        truths.append({"protocol": protocol_id, "problem": index, **answer})
+    return digest.hexdigest(), truths
+
+
+def _split(texts: Sequence[str]) -> list[str]:
+    """Split comma-separated names; a folder of pairs may hold commas, so it is left alone."""
+    return [
+        name.strip()
+        for text in texts
+        for name in ([text] if text.startswith("pairs:") else text.split(","))
+        if name.strip()
+    ]
+
+
+def _check_device(device: str) -> None:
+    if device == "cpu":
+        return
+    try:
+        import torch
+    except ImportError:
+        raise UserError(f"--device {device}: torch is not installed") from None
+    if not torch.cuda.is_available():
+        raise UserError(f"--device {device}: torch {torch.__version__} finds no CUDA device on this machine")
