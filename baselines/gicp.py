@@ -12,14 +12,14 @@ from .starts import Start, skip_without_prior, start_of
 
 
 class Gicp(Registrar):
-    """Generalized ICP: plane-to-plane, from covariances of each point's neighbours.
+    """Generalized ICP: plane-to-plane.
 
     Args:
         init: Where to start: "centroid", "identity" or "prior", as for `icp`.
         max_distance: Farthest match, in extents of the target.
         max_iterations: Most iterations.
         tolerance: Stop when fitness and RMSE (in extents) change by less.
-        neighbours: Points that a covariance is estimated from.
+        neighbours: Points that a normal is estimated from.
         epsilon: Variance along a surface's normal, that in its plane being 1.
     """
 
@@ -61,8 +61,10 @@ class Gicp(Registrar):
         open3d = import_open3d()
         frame = LocalFrame.of(problem)
         source, target = point_cloud(frame.source), point_cloud(frame.target)
+        # open3d makes the regularised covariances from normals; covariances given by estimate_covariances would be taken
+        # as they are, singular on every flat patch.
         for cloud in (source, target):
-            cloud.estimate_covariances(open3d.geometry.KDTreeSearchParamKNN(self.neighbours))
+            cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(self.neighbours))
         registration = open3d.pipelines.registration
         result = registration.registration_generalized_icp(
             source,
