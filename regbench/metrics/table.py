@@ -65,7 +65,7 @@ def _recall(name: str) -> Metric:
     def function(samples: Samples) -> float:
         return recall(samples.rotation_errors_deg, samples.translation_errors, degrees, length)
 
-    return Metric(f"recall_{name}", f"recall {degrees:g}°", "", True, 4, words, "motions", function)
+    return Metric(f"recall_{name}", f"recall {degrees:g}°/{length:g}", "", True, 4, words, "motions", function)
 
 
 _DCP_R = "DCP (Wang and Solomon 2019): Euler angles zyx, pairs and axes together"

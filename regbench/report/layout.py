@@ -1,0 +1,176 @@
+"""What every printed table shows: columns, rows in blocks, ranks and footnotes; the formats only write it down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+from regbench.metrics.table import Metric
+from regbench.report.manifest import ProtocolInfo
+
+Row = Mapping[str, Any]
+BLOCKS = ("method", "published", "sentinel")
+SYMBOLS = "†‡§¶"
+RANKING = (
+    "Best and second best are by the figures as printed, among finished rows of methods that ever answered; "
+    "sentinels and published figures are not ranked."
+)
+SCORING = "A failed trial is scored as the identity. Times are of the trials that answered."
+
+
+@dataclass
+class Notes:
+    """Footnotes by text: the same text gets the same mark."""
+
+    marks: dict[str, str] = field(default_factory=dict)
+
+    def mark(self, text: str) -> str:
+        """Return the mark of a footnote, new or known."""
+        if text not in self.marks:
+            n = len(self.marks)
+            self.marks[text] = SYMBOLS[n] if n < len(SYMBOLS) else f"({n + 1})"
+        return self.marks[text]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A figure as printed, "-" where there is none; rank 1 best, 2 second, 0 neither; marks of its footnotes."""
+
+    text: str
+    rank: int = 0
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row: a method, its number of trials, its figures and its failures (None: not stated)."""
+
+    method: str
+    mark: str
+    block: str
+    n: str
+    n_mark: str
+    cells: Sequence[Cell]
+    failures: Mapping[str, int] | None
+
+
+@dataclass(frozen=True)
+class Section:
+    """One protocol: its columns and its rows, blocks in the order methods, published, sentinels."""
+
+    protocol: ProtocolInfo
+    metrics: Sequence[Metric]
+    lines: Sequence[Line]
+
+    def blocks(self) -> list[list[Line]]:
+        """Return the rows by block, without the empty ones."""
+        blocks = [[line for line in self.lines if line.block == name] for name in BLOCKS]
+        return [block for block in blocks if block]
+
+
+def lay_out(
+    protocol: ProtocolInfo, rows: Sequence[Row], metrics: Sequence[Metric], notes: Notes, *, rank_times: bool = True
+) -> Section:
+    """Return the section of one protocol.
+
+    Args:
+        protocol: The protocol.
+        rows: Its rows, as `summarise` and `published_rows` give them.
+        metrics: The columns.
+        notes: Collects the footnotes.
+        rank_times: False where the rows were timed on different machines.
+
+    Raises:
+        ValueError: A row belongs to another protocol.
+    """
+    if strange := {row["protocol"] for row in rows} - {protocol.label}:
+        raise ValueError(f"rows of {min(strange)} do not belong into the columns of {protocol.label}")
+    ranks = {metric.key: _ranks(rows, metric) if rank_times or metric.needs != "times" else {} for metric in metrics}
+    lines = [
+        Line(
+            method=row["method"],
+            mark="".join(notes.mark(text) for text in _method_remarks(row)),
+            block=block_of(row),
+            n=str(row["n"]) if row["n"] >= row["planned"] else f"{row['n']} of {row['planned']}",
+            n_mark="".join(notes.mark(text) for text in _trial_remarks(row)),
+            cells=[
+                Cell(figure(row, metric), ranks[metric.key].get(position, 0), _cell_mark(row, metric, notes))
+                for metric in metrics
+            ],
+            failures=row["failures"],
+        )
+        for position, row in enumerate(rows)
+    ]
+    return Section(protocol, metrics, sorted(lines, key=lambda line: BLOCKS.index(line.block)))
+
+
+def block_of(row: Row) -> str:
+    """Return the block that a row stands in: what cannot be a method's merit stands with the sentinels."""
+    if row["kind"] == "published":
+        return "published"
+    return "sentinel" if row["kind"] == "sentinel" or row["sees_ground_truth"] else "method"
+
+
+def figure(row: Row, metric: Metric) -> str:
+    """Return a figure as printed; a published one digit for digit."""
+    value = row.get(metric.key)
+    if value is None:
+        return "-"
+    printed: str | None = row.get("printed", {}).get(metric.key)
+    return printed or f"{value:.{metric.decimals}f}"
+
+
+def failures_in_words(failures: Mapping[str, int] | None) -> str:
+    """Return the number of failures and how many of each kind."""
+    if failures is None:
+        return "not stated"
+    kinds = ", ".join(f"{number} {status}" for status, number in failures.items())
+    return f"{sum(failures.values())} ({kinds})" if kinds else "0"
+
+
+def _ranks(rows: Sequence[Row], metric: Metric) -> dict[int, int]:
+    """Return rank 1 or 2 by position. Equal figures, as printed, share a rank; a row alone has none."""
+    values = {
+        position: float(figure(row, metric))
+        for position, row in enumerate(rows)
+        if block_of(row) == "method" and _answered(row) and row.get(metric.key) is not None
+    }
+    if len(values) < 2:
+        return {}
+    rank_of = dict(zip(sorted(set(values.values()), reverse=metric.higher_is_better), count(1), strict=False))
+    return {position: rank_of[value] for position, value in values.items() if rank_of[value] <= 2}
+
+
+def _answered(row: Row) -> bool:
+    """Return whether all trials are there and at least one was answered: else the figures are not the method's."""
+    return row["n"] >= row["planned"] and sum(row["failures"].values()) < row["n"]
+
+
+def _method_remarks(row: Row) -> list[str]:
+    """Return what a reader must know of a method."""
+    remarks = ["sees the ground truth"] if row["sees_ground_truth"] else []
+    if row["kind"] == "published" and not row["impossible"] and row["note"]:
+        remarks.append(row["note"])
+    return remarks
+
+
+def _trial_remarks(row: Row) -> list[str]:
+    """Return what a reader must know of the trials that a row stands for."""
+    remarks = []
+    if row["n"] < row["planned"]:
+        remarks.append(f"unfinished: {row['n']} of {row['planned']} trials")
+    if row["n_truth"] < row["n"]:
+        remarks.append(f"accuracy is over {row['n_truth']} of {row['n']} trials: the other problems' truth is unknown")
+    return remarks
+
+
+def _cell_mark(row: Row, metric: Metric, notes: Notes) -> str:
+    if row["kind"] != "published":
+        return ""
+    if metric.key in row["impossible"]:
+        return notes.mark(row["note"])
+    if metric.key == "time_median_ms" and row["time_note"]:
+        return notes.mark(f"as published: {row['time_note']}")
+    return ""

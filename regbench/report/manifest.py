@@ -1,0 +1,107 @@
+"""What a table needs of a run's manifest: its methods, its protocols, the machine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from regbench.errors import UserError
+
+
+@dataclass(frozen=True)
+class MethodInfo:
+    """A method of a run: its name as asked for, its kind, and the hash that says which rows are its own."""
+
+    method: str
+    kind: str
+    sees_ground_truth: bool
+    fingerprint: str
+
+
+@dataclass(frozen=True)
+class ProtocolInfo:
+    """A protocol of a run.
+
+    Attributes:
+        id: Name and version, e.g. "modelnet40/clean@1".
+        label: What tables call it: the id, unless two protocols of one id stand side by side.
+        description: One line.
+        dataset: Name of its dataset, or None.
+        sha256: Hash over its problems.
+        data_sha256: Identity of its data, or None if the manifest does not say.
+        n: Number of problems planned.
+        headline_metrics: Keys of the metrics that its paper prints.
+        published: The column group of the paper's table that it stands beside, or None.
+    """
+
+    id: str
+    label: str
+    description: str
+    dataset: str | None
+    sha256: str
+    data_sha256: str | None
+    n: int
+    headline_metrics: tuple[str, ...]
+    published: str | None
+
+    @property
+    def name(self) -> str:
+        """The id without its version."""
+        return self.id if self.id.startswith("pairs:") else self.id.rpartition("@")[0] or self.id
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A run's manifest, by name as asked for and by protocol id."""
+
+    methods: Mapping[str, MethodInfo]
+    protocols: Mapping[str, ProtocolInfo]
+    repeat: int
+    machine: str
+
+
+def read_manifest(run_dir: Path) -> Manifest:
+    """Read manifest.json of a run folder.
+
+    Raises:
+        UserError: It is missing, damaged or not a run's.
+    """
+    path = run_dir / "manifest.json"
+    try:
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}); is this the folder of a run?") from error
+    except ValueError as error:
+        raise UserError(f"{path}: is not JSON ({error}); the file was damaged. Give the run's command again") from error
+    try:
+        return _parse(content)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        what = f"has no {error}" if isinstance(error, KeyError) else str(error)
+        raise UserError(f"{path}: is not a run's manifest ({what})") from None
+
+
+def _parse(content: Mapping[str, Any]) -> Manifest:
+    methods = {
+        row["method"]: MethodInfo(row["method"], row["kind"], bool(row["sees_ground_truth"]), row["fingerprint"])
+        for row in content["methods"]
+    }
+    protocols = {
+        row["id"]: ProtocolInfo(
+            id=row["id"],
+            label=row["id"],
+            description=row["description"],
+            dataset=row["dataset"],
+            sha256=row["sha256"],
+            data_sha256=row.get("data_sha256"),
+            n=int(row["n"]),
+            headline_metrics=tuple(row["headline_metrics"]),
+            published=row["published"],
+        )
+        for row in content["protocols"]
+    }
+    hardware = content["hardware"]
+    machine = f"{hardware['cpu']}, {hardware['cores']} cores"
+    return Manifest(methods, protocols, int(content["config"].get("repeat", 1)), machine)

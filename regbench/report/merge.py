@@ -1,0 +1,99 @@
+"""Several runs as one: refused where rows would not compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from regbench.errors import UserError
+from regbench.report.rundata import Array, Group, RunData, read_run
+
+
+def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
+    """Read several run folders into one; where two hold the same trial, the later folder's wins.
+
+    Args:
+        run_dirs: At least one.
+        mixed: Let stand side by side what does not compare: protocols of one name but different content or version,
+            methods of one name but different fingerprint. Names that would then be the same get a part of their hash.
+
+    Raises:
+        UserError: As read_run; or the runs do not compare and `mixed` is not set.
+    """
+    if not run_dirs:
+        raise UserError("no run given; `regbench table RUN...`")
+    runs = [read_run(path) for path in run_dirs]
+    groups = [group for run in runs for group in run.groups]
+    if not mixed:
+        _refuse_mixture(groups)
+    truths: dict[tuple[str, str], dict[int, Array | None]] = {}
+    for run in runs:
+        for protocol, known in run.truths.items():
+            truths.setdefault(protocol, {}).update(known)
+    return RunData(
+        _named_apart(_merged(groups)),
+        truths,
+        sum(run.stale for run in runs),
+        list(dict.fromkeys(machine for run in runs for machine in run.machines)),
+    )
+
+
+def _refuse_mixture(groups: Sequence[Group]) -> None:
+    _refuse("protocol", groups, lambda g: g.protocol.name, lambda g: g.protocol.id)
+    _refuse("protocol", groups, lambda g: g.protocol.id, lambda g: f"content {g.protocol.sha256[:8]}")
+    _refuse("method", groups, lambda g: g.method.method, lambda g: f"fingerprint {g.method.fingerprint[:8]}")
+
+
+def _refuse(what: str, groups: Sequence[Group], name: Callable[[Group], str], identity: Callable[[Group], str]) -> None:
+    """Raise if two groups of one name differ in what they are."""
+    seen: dict[str, Group] = {}
+    for group in groups:
+        first = seen.setdefault(name(group), group)
+        if identity(first) != identity(group):
+            places = f"{identity(first)} in {first.run_dirs[0]} and {identity(group)} in {group.run_dirs[0]}"
+            raise UserError(
+                f"{what} '{name(group)}' is {places}: their rows do not compare; "
+                "leave one out, or give --mixed to print them side by side"
+            )
+
+
+def _merged(groups: Sequence[Group]) -> list[Group]:
+    """Join the groups of one method on one protocol; count every row against the most problems of its protocol."""
+    joined: dict[tuple[str, ...], Group] = {}
+    most: dict[tuple[str, str], int] = {}
+    for group in groups:
+        content = (group.protocol.id, group.protocol.sha256)
+        most[content] = max(most.get(content, 0), group.protocol.n)
+        key = (*content, group.method.method, group.method.fingerprint)
+        joined[key] = _joined(joined[key], group) if key in joined else group
+    return [
+        replace(group, protocol=replace(group.protocol, n=most[group.protocol.id, group.protocol.sha256]))
+        for group in joined.values()
+    ]
+
+
+def _joined(first: Group, second: Group) -> Group:
+    return replace(
+        second,
+        repeat=max(first.repeat, second.repeat),
+        trials=dict(sorted({**first.trials, **second.trials}.items())),
+        run_dirs=(*first.run_dirs, *second.run_dirs),
+    )
+
+
+def _named_apart(groups: Sequence[Group]) -> list[Group]:
+    """Add a part of the hash to protocols and methods that stand for more than one thing."""
+    hashes: dict[str, set[str]] = {}
+    for group in groups:
+        hashes.setdefault(group.protocol.id, set()).add(group.protocol.sha256)
+        hashes.setdefault(group.method.method, set()).add(group.method.fingerprint)
+    named = []
+    for group in groups:
+        protocol, method = group.protocol, group.method
+        if len(hashes[protocol.id]) > 1:
+            protocol = replace(protocol, label=f"{protocol.id}#{protocol.sha256[:8]}")
+        if len(hashes[method.method]) > 1:
+            method = replace(method, method=f"{method.method}#{method.fingerprint[:8]}")
+        named.append(replace(group, protocol=protocol, method=method))
+    return named

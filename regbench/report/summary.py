@@ -1,0 +1,100 @@
+"""From trials to figures: one object per method and protocol."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.metrics.samples import Samples
+from regbench.metrics.table import METRICS, Metric
+from regbench.report.rundata import Group, RunData
+from regbench.runner.status import Status
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+CloudErrors = Mapping[str, Mapping[str, float]]
+
+
+def summarise(run: RunData, cloud_errors: CloudErrors | None = None) -> list[Row]:
+    """Return one row per method and protocol.
+
+    A failed trial is scored as if the method had answered the identity. Accuracy is over the trials whose ground truth
+    is known; times are over the trials that answered. A figure with nothing to compute it from is None.
+
+    Args:
+        run: The trials.
+        cloud_errors: By metric key, then by trial key (see cloud_metrics.py), for the metrics that need the clouds.
+
+    Returns:
+        Rows with the keys method, protocol, n (trials scored), failures (by status, those that occur), then every
+        metric; then kind, sees_ground_truth, planned (trials), n_truth (trials of known truth), note.
+    """
+    return [summarise_group(group, run, cloud_errors or {}) for group in run.groups]
+
+
+def summarise_group(group: Group, run: RunData, cloud_errors: CloudErrors) -> Row:
+    """Return the row of one method on one protocol; see `summarise`."""
+    samples = samples_of(group, run, cloud_errors)
+    failures = Counter(trial.status.value for trial in group.trials.values() if trial.status is not Status.OK)
+    figures = {
+        metric.key: _figure(metric, samples)
+        for metric in METRICS.values()
+        if metric.needs != "clouds" or metric.key in cloud_errors
+    }
+    return {
+        "method": group.method.method,
+        "protocol": group.protocol.label,
+        "n": len(group.trials),
+        "failures": {status.value: failures[status] for status in Status if failures[status]},
+        **figures,
+        "kind": group.method.kind,
+        "sees_ground_truth": group.method.sees_ground_truth,
+        "planned": group.planned,
+        "n_truth": len(samples.rotation_errors_deg),
+        "note": None,
+    }
+
+
+def samples_of(group: Group, run: RunData, cloud_errors: CloudErrors) -> Samples:
+    """Return errors and times of one method on one protocol."""
+    truths = run.truths[group.protocol.id, group.protocol.sha256]
+    known = [(trial, truths[problem]) for (problem, _), trial in group.trials.items() if truths[problem] is not None]
+    by_metric = {
+        key: np.array([errors[trial.key] for trial, _ in known if trial.key in errors], dtype=np.float64)
+        for key, errors in cloud_errors.items()
+    }
+    empty = np.empty(0)
+    return Samples.of_motions(
+        np.array([trial.T_target_source for trial, _ in known], dtype=np.float64).reshape(-1, 4, 4),
+        np.array([truth for _, truth in known], dtype=np.float64).reshape(-1, 4, 4),
+        time_ms=_times(group, "time_ms"),
+        cpu_ms=_times(group, "cpu_ms"),
+        symmetry_aware_errors=by_metric.get("symmetry_aware_error", empty),
+        modified_chamfers=by_metric.get("modified_chamfer", empty),
+    )
+
+
+def _times(group: Group, name: str) -> Array:
+    """Return the times of the trials that answered; a trial without a measurement is left out."""
+    values = np.array(
+        [getattr(trial, name) for trial in group.trials.values() if trial.status is Status.OK], dtype=np.float64
+    )
+    return values[np.isfinite(values)]
+
+
+def _figure(metric: Metric, samples: Samples) -> float | None:
+    value = metric.function(samples)
+    return None if math.isnan(value) else value
+
+
+def sections(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the rows by protocol, in the order in which protocols first occur."""
+    by_protocol: dict[str, list[Row]] = {}
+    for row in rows:
+        by_protocol.setdefault(row["protocol"], []).append(row)
+    return by_protocol
