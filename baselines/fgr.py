@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from regbench.contract import Problem, Registrar, Registration
+from regbench.geometry.size import spacing
 
 from .fpfh import cloud_with_features
 from .local_frame import LocalFrame, require_surface
@@ -14,7 +15,9 @@ from .open3d_library import import_open3d, point_to_point_icp, seed_open3d
 
 
 class Fgr(Registrar):
-    """Fast global registration, by default with a final ICP. Lengths are in extents of the target.
+    """Fast global registration, by default with a final ICP.
+
+    Lengths are in extents of the target; those of the final ICP, in spacings of the target.
 
     Args:
         normal_radius: Neighbourhood of a normal.
@@ -25,7 +28,8 @@ class Fgr(Registrar):
         max_distance: Distance at which the graduated optimisation ends.
         iterations: Iterations of the optimisation.
         refine: "icp" for a final point-to-point ICP, or "none".
-        refine_distance: Farthest match of the final ICP.
+        refine_distance: Farthest match of the final ICP, in spacings. Small, because where clouds overlap in part
+            the points without a partner would pull.
         refine_iterations: Most iterations of the final ICP.
     """
 
@@ -54,7 +58,7 @@ class Fgr(Registrar):
         max_distance: float = 0.025,
         iterations: int = 64,
         refine: Literal["none", "icp"] = "icp",
-        refine_distance: float = 0.2,
+        refine_distance: float = 3.0,
         refine_iterations: int = 60,
     ) -> None:
         self.normal_radius = normal_radius
@@ -108,7 +112,7 @@ class Fgr(Registrar):
                 source,
                 target,
                 result.transformation,
-                max_distance=self.refine_distance,
+                max_distance=self.refine_distance * spacing(frame.target),
                 max_iterations=self.refine_iterations,
                 tolerance=1e-8,
             )

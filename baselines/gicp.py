@@ -61,8 +61,8 @@ class Gicp(Registrar):
         open3d = import_open3d()
         frame = LocalFrame.of(problem)
         source, target = point_cloud(frame.source), point_cloud(frame.target)
-        # open3d makes the regularised covariances from normals; covariances given by estimate_covariances would be taken
-        # as they are, singular on every flat patch.
+        # open3d makes the regularised covariances from normals. Those of estimate_covariances it would take as they
+        # are, singular on every flat patch.
         for cloud in (source, target):
             cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(self.neighbours))
         registration = open3d.pipelines.registration

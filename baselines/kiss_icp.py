@@ -22,6 +22,7 @@ class KissIcp(Registrar):
         voxel: Edge of the map's voxels. A match is looked for in the 27 voxels around a point.
         max_points_per_voxel: Points that a voxel of the map keeps; it also keeps them apart, by the edge divided by
             this number's square root.
+        downsampling: Edge of the voxels that keep one point of the source each; 0 keeps every point.
         max_correspondance_distance: Farthest match (spelt as the package does).
         kernel: Scale of the Geman-McClure kernel that weighs matches.
         max_iterations: Most iterations.
@@ -35,16 +36,18 @@ class KissIcp(Registrar):
         self,
         *,
         init: Start = "centroid",
-        voxel: float = 1.0,
-        max_points_per_voxel: int = 1000,
+        voxel: float = 0.2,
+        max_points_per_voxel: int = 100,
+        downsampling: float = 0.02,
         max_correspondance_distance: float = 2.0,
-        kernel: float = 1.0,
+        kernel: float = 0.03,
         max_iterations: int = 200,
         tolerance: float = 1e-6,
     ) -> None:
         self.init = init
         self.voxel = voxel
         self.max_points_per_voxel = max_points_per_voxel
+        self.downsampling = downsampling
         self.max_correspondance_distance = max_correspondance_distance
         self.kernel = kernel
         self.max_iterations = max_iterations
@@ -53,7 +56,8 @@ class KissIcp(Registrar):
     def prepare(self) -> None:
         """Import kiss_icp."""
         import kiss_icp.mapping
-        import kiss_icp.registration  # noqa: F401
+        import kiss_icp.registration
+        import kiss_icp.voxelization  # noqa: F401
 
     def skip(self, problem: Problem) -> str | None:
         """Decline problems without a motion prior if the start is taken from it."""
@@ -67,13 +71,14 @@ class KissIcp(Registrar):
         """
         from kiss_icp.mapping import VoxelHashMap
         from kiss_icp.registration import Registration as KissRegistration
+        from kiss_icp.voxelization import voxel_down_sample
 
         frame = LocalFrame.of(problem)
         # No point of the target is farther than one extent from its centroid: none is dropped as far away.
         target_map = VoxelHashMap(self.voxel, max_distance=10.0, max_points_per_voxel=self.max_points_per_voxel)
         target_map.add_points(frame.target)
         T_local = KissRegistration(self.max_iterations, self.tolerance, problem.threads).align_points_to_map(
-            points=frame.source,
+            points=voxel_down_sample(frame.source, self.downsampling) if self.downsampling else frame.source,
             voxel_map=target_map,
             initial_guess=start_of(problem, frame, self.init),
             max_correspondance_distance=self.max_correspondance_distance,

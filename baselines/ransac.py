@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from regbench.contract import Problem, Registrar, Registration
+from regbench.geometry.size import spacing
 
 from .fpfh import cloud_with_features
 from .local_frame import LocalFrame, require_surface
@@ -14,7 +15,9 @@ from .open3d_library import import_open3d, point_to_point_icp, seed_open3d
 
 
 class Ransac(Registrar):
-    """RANSAC on FPFH matches, by default with a final ICP. Lengths are in extents of the target.
+    """RANSAC on FPFH matches, by default with a final ICP.
+
+    Lengths are in extents of the target; those of the final ICP, in spacings of the target.
 
     open3d draws its samples in parallel: the answer repeats only where the process is pinned to one core, as the
     runner's workers are unless more threads are asked for.
@@ -31,7 +34,8 @@ class Ransac(Registrar):
         max_iterations: Most samples.
         confidence: Stop when a better sample is this unlikely.
         refine: "icp" for a final point-to-point ICP, or "none".
-        refine_distance: Farthest match of the final ICP.
+        refine_distance: Farthest match of the final ICP, in spacings. Small, because where clouds overlap in part
+            the points without a partner would pull.
         refine_iterations: Most iterations of the final ICP.
     """
 
@@ -52,7 +56,7 @@ class Ransac(Registrar):
         max_iterations: int = 100_000,
         confidence: float = 0.999,
         refine: Literal["none", "icp"] = "icp",
-        refine_distance: float = 0.2,
+        refine_distance: float = 3.0,
         refine_iterations: int = 60,
     ) -> None:
         self.normal_radius = normal_radius
@@ -114,7 +118,7 @@ class Ransac(Registrar):
                 source,
                 target,
                 result.transformation,
-                max_distance=self.refine_distance,
+                max_distance=self.refine_distance * spacing(frame.target),
                 max_iterations=self.refine_iterations,
                 tolerance=1e-8,
             )
