@@ -1,0 +1,139 @@
+"""7-Scenes from depth frames: SOURCE/<scene>/seq-XX/frame-XXXXXX.{depth.png,pose.txt}."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.datasets.dataset import Split
+from regbench.datasets.readers.png import read_depth_png
+from regbench.datasets.readers.transform import read_transform
+from regbench.datasets.store_writer import write_dataset
+from regbench.errors import UserError
+
+from .depth import project_pixels, valid_pixels
+from .outcome import reason, say_outcome
+from .seeds import item_generator
+
+NAME = "7scenes"
+# The published poses are orthonormal to about 4e-4; beyond this a pose is odd enough to be named.
+POSE_TOLERANCE = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    id: str
+    points: NDArray[np.float32]
+    pose: NDArray[np.float64]
+    pose_error: float
+
+
+def prepare(source: Path, data_dir: Path, *, points: int = 4096, seed: int = 0, report: Callable[[str], None]) -> Path:
+    """Prepare 7-Scenes: `points` points of every frame in metres and the camera's frame, and the camera's pose.
+
+    Points are drawn uniformly without replacement from the frame's valid pixels and stay in random order. Poses are
+    made exact rotations (the nearest, by SVD). Frames that cannot be used are left out and named.
+
+    Args:
+        source: Folder of scenes.
+        data_dir: Folder of prepared datasets.
+        points: Points a frame.
+        seed: Seed of the draw.
+        report: Called with one line on what was done, or is odd.
+
+    Returns:
+        The prepared dataset's folder.
+
+    Raises:
+        UserError: There are no frames, or none can be used, or the dataset cannot be written.
+    """
+    frames = [(scene, path) for scene, folder in _scenes(source) for path in sorted(folder.glob("seq-*/*.depth.png"))]
+    if not frames:
+        raise UserError(f"{source}: no frames found; expected <scene>/seq-XX/frame-XXXXXX.depth.png")
+    scene_names = sorted({scene for scene, _ in frames})
+    # One array from the start: untouched rows at its end cost nothing, a list and its stack would cost double.
+    clouds = np.empty((len(frames), points, 3), dtype=np.float32)
+    poses: list[NDArray[np.float64]] = []
+    labels: list[int] = []
+    ids: list[str] = []
+    left_out: dict[str, str] = {}
+    remarks: dict[str, str] = {}
+    # Decoding PNGs is the cost, and Pillow does it without the interpreter's lock.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        read = pool.map(lambda item: _read_frame(item[0], item[1], points, seed), frames)
+        for (scene, path), frame in zip(frames, read, strict=True):
+            if isinstance(frame, str):
+                left_out[_frame_id(scene, path)] = frame
+                continue
+            clouds[len(ids)] = frame.points
+            poses.append(frame.pose)
+            labels.append(scene_names.index(scene))
+            ids.append(frame.id)
+            if frame.pose_error > POSE_TOLERANCE:
+                remarks[frame.id] = f"its pose was off a rotation by {frame.pose_error:.2g}"
+    if not ids:
+        first = next(iter(left_out))
+        raise UserError(f"{source}: none of {len(frames)} frames can be used ({first}: {left_out[first]})")
+    changed = write_dataset(
+        data_dir,
+        NAME,
+        description=f"7-Scenes (Microsoft Research), depth frames of {', '.join(scene_names)}",
+        label_names=scene_names,
+        splits={"scans": Split(clouds[: len(ids)], np.array(labels, dtype=np.int64), ids, np.stack(poses))},
+        options={"points": points, "seed": seed},
+        left_out=left_out,
+        remarks=remarks,
+    )
+    say_outcome(report, NAME, f"{len(ids)} scans of {points} points", left_out, remarks, changed=changed)
+    return data_dir / NAME
+
+
+def _scenes(source: Path) -> Iterator[tuple[str, Path]]:
+    """Yield the scenes' names and folders: those in `source`, or `source` itself where it is one scene."""
+    if not source.is_dir():
+        raise UserError(f"{source}: no such folder")
+    if any(source.glob("seq-*")):
+        yield source.resolve().name, source
+        return
+    for folder in sorted(path for path in source.iterdir() if path.is_dir()):
+        yield folder.name, folder
+
+
+def _frame_id(scene: str, path: Path) -> str:
+    return f"{scene}/{path.parent.name}/{path.name.removesuffix('.depth.png')}"
+
+
+def _read_frame(scene: str, path: Path, points: int, seed: int) -> _Frame | str:
+    """Return a frame, or why it cannot be used."""
+    frame_id = _frame_id(scene, path)
+    pose_path = path.with_name(path.name.replace(".depth.png", ".pose.txt"))
+    try:
+        depth = read_depth_png(path)
+        pose, pose_error = nearest_rigid(read_transform(pose_path))
+    except UserError as error:
+        return reason(error, path.parent)
+    valid = valid_pixels(depth)
+    if len(valid) < points:
+        return f"only {len(valid)} valid pixels, {points} wanted"
+    drawn = item_generator(seed, frame_id).choice(valid, points, replace=False)
+    return _Frame(frame_id, project_pixels(depth, drawn), pose, pose_error)
+
+
+def nearest_rigid(T: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return the rigid motion with the rotation nearest to that of a (4, 4) matrix, and how far that was off.
+
+    The nearest in the Frobenius norm: R = U V^T of the SVD, the last axis turned where that is a reflection.
+    The distance is the greatest element of |R - given|.
+    """
+    u, _, vt = np.linalg.svd(T[:3, :3])
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    rigid = T.copy()
+    rigid[:3, :3] = u @ vt
+    rigid[3] = (0, 0, 0, 1)
+    return rigid, float(np.abs(rigid[:3, :3] - T[:3, :3]).max())

@@ -1,0 +1,1 @@
+"""File readers, one module a format. What is wrong with a file is a UserError of one line that names it."""

@@ -1,0 +1,47 @@
+"""Arrays of .npy files. Pickled objects are never loaded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.datasets.readers.checks import check_is_file, naming
+from regbench.errors import UserError
+
+
+def read_npy(path: Path) -> NDArray[Any]:
+    """Return the numeric array of a .npy file, memory-mapped and read-only.
+
+    Mapping also refuses a header that claims more than the file holds.
+
+    Raises:
+        UserError: The file cannot be read, or is not an array of numbers.
+    """
+    check_is_file(path)
+    if path.stat().st_size == 0:
+        raise UserError(f"{path}: the file is empty")
+    with path.open("rb") as file:
+        if file.read(6) != b"\x93NUMPY":
+            raise UserError(f"{path}: not a .npy array")
+    # NumPy evaluates the header as a Python literal and reports a broken one by any of these.
+    errors = (OSError, ValueError, TypeError, SyntaxError, EOFError, KeyError, OverflowError, MemoryError)
+    with naming(path, ".npy array", *errors, RecursionError):
+        array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    if array.dtype.kind not in "iuf":
+        raise UserError(f"{path}: not an array of numbers ({array.dtype})")
+    return array
+
+
+def read_npy_points(path: Path) -> NDArray[Any]:
+    """Return the first three columns of a .npy array of shape (N, 3 or more).
+
+    Raises:
+        UserError: As `read_npy`, or the array is of another shape.
+    """
+    array = read_npy(path)
+    if array.ndim != 2 or array.shape[1] < 3:
+        raise UserError(f"{path}: expected an array of shape (N, 3), got {array.shape}")
+    return array[:, :3]
