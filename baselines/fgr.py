@@ -58,7 +58,7 @@ class Fgr(Registrar):
         max_distance: float = 0.025,
         iterations: int = 64,
         refine: Literal["none", "icp"] = "icp",
-        refine_distance: float = 3.0,
+        refine_distance: float = 2.0,
         refine_iterations: int = 60,
     ) -> None:
         self.normal_radius = normal_radius

@@ -88,7 +88,7 @@ class Icp(Registrar):
     def _give_normals(self, target: Any, normals: NDArray[np.float64] | None) -> None:
         open3d = import_open3d()
         if normals is not None:
-            target.normals = open3d.utility.Vector3dVector(normals)
+            target.normals = open3d.utility.Vector3dVector(normals.copy())  # it refuses read-only arrays
         else:
             target.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(self.normal_neighbours))
 

@@ -56,7 +56,7 @@ class Ransac(Registrar):
         max_iterations: int = 100_000,
         confidence: float = 0.999,
         refine: Literal["none", "icp"] = "icp",
-        refine_distance: float = 3.0,
+        refine_distance: float = 2.0,
         refine_iterations: int = 60,
     ) -> None:
         self.normal_radius = normal_radius

@@ -26,8 +26,9 @@ def check_registrar(
 ) -> list[CheckResult]:
     """Run the conformance battery on a method.
 
-    The checks run in a process of their own, with a time limit each: a segfault or a hang is a failed check, and the
-    battery goes on. A class made inside a function cannot be imported there; it is checked in this process, unshielded.
+    The checks run in a process of their own on one core, as the runner's workers do, with a time limit each: a
+    segfault or a hang is a failed check, and the battery goes on. A class made inside a function cannot be imported
+    there; it is checked in this process, unshielded.
 
     Args:
         method_class: A class with a `name` and a `register` method; it need not derive from Registrar.
@@ -93,14 +94,15 @@ def _in_a_child(
     remaining = [check.name for check in BATTERY if check.name not in earlier]
     reading_end, writing_end = os.pipe()
     with tempfile.TemporaryFile() as log, os.fdopen(reading_end, "rb", buffering=0) as results:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "regbench.testing.child", "checks"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=log,
-            pass_fds=(writing_end,),
-            start_new_session=True,  # so that what the method itself started ends with it
-        )
+        with _on_one_core():
+            child = subprocess.Popen(
+                [sys.executable, "-m", "regbench.testing.child", "checks"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+                pass_fds=(writing_end,),
+                start_new_session=True,  # so that what the method itself started ends with it
+            )
         os.close(writing_end)
         try:
             assert child.stdin is not None
@@ -119,6 +121,20 @@ def _in_a_child(
                 yield CheckResult(found, Outcome(outcome), detail)
         finally:
             _kill(child)
+
+
+@contextlib.contextmanager
+def _on_one_core() -> Iterator[None]:
+    """Start processes on one core, as the runner does for one thread: open3d sums in another order on two."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 def _read_line(descriptor: int, time_limit_s: float) -> bytes | None:
