@@ -25,7 +25,7 @@ class Metric:
     Attributes:
         key: Its name in JSON, CSV and on the command line.
         name: As printed.
-        unit: As printed, "" for a share. "length" is the clouds' unit.
+        unit: As printed; "length" is the clouds' unit. A recall, a share, has its length threshold here.
         higher_is_better: What a table marks as best.
         decimals: Digits after the point in printed tables.
         source: Where the formula comes from.
@@ -65,7 +65,7 @@ def _recall(name: str) -> Metric:
     def function(samples: Samples) -> float:
         return recall(samples.rotation_errors_deg, samples.translation_errors, degrees, length)
 
-    return Metric(f"recall_{name}", f"recall {degrees:g}°/{length:g}", "", True, 4, words, "motions", function)
+    return Metric(f"recall_{name}", f"recall {degrees:g}°", f"and {length:g}", True, 4, words, "motions", function)
 
 
 _DCP_R = "DCP (Wang and Solomon 2019): Euler angles zyx, pairs and axes together"

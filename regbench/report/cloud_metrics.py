@@ -12,7 +12,6 @@ import numpy as np
 
 from regbench.errors import UserError
 from regbench.files import write_atomically
-from regbench.metrics.cloud import modified_chamfer, symmetry_aware_error
 from regbench.protocols.protocol import ProblemSet
 from regbench.report.manifest import ProtocolInfo
 from regbench.report.rundata import Group, RunData, Trial
@@ -71,6 +70,8 @@ def _of_protocol(groups: Sequence[Group], run: RunData, data_dir: Path | None) -
 def _score(
     problems: ProblemSet, protocol: ProtocolInfo, problem: int, truth: object, answers: Sequence[list[list[float]]]
 ) -> list[Errors]:
+    from regbench.metrics.cloud import modified_chamfer, symmetry_aware_error  # loads scipy.spatial, 0.4 s
+
     pair = problems.pair(problem)
     if pair.T_target_source is None or not np.array_equal(pair.T_target_source, np.asarray(truth)):
         raise UserError(

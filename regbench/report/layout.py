@@ -145,7 +145,8 @@ def _ranks(rows: Sequence[Row], metric: Metric) -> dict[int, int]:
 
 def _answered(row: Row) -> bool:
     """Return whether all trials are there and at least one was answered: else the figures are not the method's."""
-    return row["n"] >= row["planned"] and sum(row["failures"].values()) < row["n"]
+    failures: int = sum(row["failures"].values())
+    return bool(row["n"] >= row["planned"]) and failures < row["n"]
 
 
 def _method_remarks(row: Row) -> list[str]:

@@ -44,7 +44,7 @@ def _section(section: Section, notes: Notes) -> str:
         more = [put("", "", [""] * len(widths), part) for part in failures[i][1:]]
         body.append([*([methods[i]] if long else []), first, *more])
     table = [put("method", "n", names, "failures"), put("", "", units, "")]
-    rule = "-" * max(len(text) for texts in (table, *body) for text in texts)
+    rule = "-" * min(WIDTH, max(len(text) for texts in (table, *body) for text in texts))
     for before, line, texts in zip([None, *section.lines], section.lines, body, strict=False):
         if before is None or before.block != line.block:
             table.append(rule)
