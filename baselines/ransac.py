@@ -50,7 +50,7 @@ class Ransac(Registrar):
         feature_radius: float = 0.5,
         feature_neighbours: int = 100,
         orient_normals: bool = True,
-        mutual: bool = False,
+        mutual: bool = True,
         max_distance: float = 0.05,
         edge_similarity: float = 0.9,
         max_iterations: int = 100_000,

@@ -23,7 +23,10 @@ def parameter_types(method: type) -> dict[str, Any]:
                 "with a default; write `def __init__(self, *, name=default)`"
             )
     return {
-        parameter.name: Any if parameter.annotation is parameter.empty else parameter.annotation
+        # An annotation that could not be evaluated is still text.
+        parameter.name: Any
+        if parameter.annotation is parameter.empty or isinstance(parameter.annotation, str)
+        else parameter.annotation
         for parameter in _parameters(method)
     }
 
