@@ -18,3 +18,14 @@ def shared_data() -> Path:
             pytest.fail(message)
         pytest.skip(message)
     return folder
+
+
+@pytest.fixture(scope="session")
+def prepared_data(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The real ModelNet40 and 7-Scenes, prepared once for the whole test session."""
+    from regbench_data_prep import modelnet40, seven_scenes
+
+    folder = tmp_path_factory.mktemp("prepared")
+    modelnet40.prepare(shared_data / "modelnet40_ply_hdf5_1024", folder, report=lambda message: None)
+    seven_scenes.prepare(shared_data / "7scenes", folder, report=lambda message: None)
+    return folder
