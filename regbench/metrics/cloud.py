@@ -35,7 +35,7 @@ def symmetry_aware_error(T_estimates: ArrayLike, T_truth: ArrayLike, source: Arr
 def modified_chamfer(
     T_estimates: ArrayLike, source: ArrayLike, target: ArrayLike, clean_source: ArrayLike, clean_target: ArrayLike
 ) -> Array:
-    """Return RPM-Net's modified Chamfer distance (Yew and Lee 2020, section 5.1): squared, against clean clouds.
+    """Return RPM-Net's modified Chamfer distance (Yew and Lee 2020): squared, against clean clouds.
 
     mean over p in source of min over q in clean_target of |T p - q|^2, plus mean over q in target of min over p in
     clean_source of |q - T p|^2.
