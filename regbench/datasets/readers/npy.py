@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def read_npy(path: Path) -> NDArray[Any]:
         if file.read(6) != b"\x93NUMPY":
             raise UserError(f"{path}: not a .npy array")
     # NumPy evaluates the header as a Python literal and reports a broken one by any of these.
-    errors = (OSError, ValueError, TypeError, SyntaxError, EOFError, KeyError, OverflowError, MemoryError)
+    errors = (OSError, ValueError, TypeError, SyntaxError, TokenError, EOFError, KeyError, OverflowError, MemoryError)
     with naming(path, ".npy array", *errors, RecursionError):
         array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     if array.dtype.kind not in "iuf":

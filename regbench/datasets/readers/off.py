@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regbench.datasets.readers.checks import read_bytes
+from regbench.datasets.readers.numbers import parse_numbers
 from regbench.errors import UserError
 
 # Some of ModelNet40's files run the counts into the keyword: `OFF700 664 0`. The edge count may be missing.
@@ -45,7 +45,7 @@ def read_off(path: Path) -> Mesh:
     body = content[header.end() :]
     if 6 * vertex_count > len(body) + 1 or 2 * face_count > len(body) + 1:  # "0 0 0\n" and "0\n" at least
         raise UserError(f"{path}: truncated: it claims {vertex_count} vertices and {face_count} faces")
-    numbers = _numbers(path, body)
+    numbers = parse_numbers(path, body)
     if len(numbers) < 3 * vertex_count + face_count:
         raise UserError(f"{path}: truncated: it claims {vertex_count} vertices and {face_count} faces")
     vertices = numbers[: 3 * vertex_count].reshape(-1, 3)
@@ -59,16 +59,6 @@ def read_off(path: Path) -> Mesh:
     if (faces % 1 != 0).any() or (faces < 0).any() or (faces >= vertex_count).any():
         raise UserError(f"{path}: a face names a vertex that is not there (it has {vertex_count})")
     return Mesh(vertices, faces.astype(np.int64))
-
-
-def _numbers(path: Path, text: bytes) -> NDArray[np.float64]:
-    """Parse whitespace-separated numbers: np.fromstring is several times faster than splitting in Python."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # raised where the text is not a number
-        try:
-            return np.fromstring(text.decode("ascii"), sep=" ")
-        except (ValueError, DeprecationWarning):
-            raise UserError(f"{path}: holds text where numbers are expected") from None
 
 
 def _fans(path: Path, body: bytes, vertex_count: int, face_count: int) -> NDArray[np.float64]:
