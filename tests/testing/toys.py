@@ -250,7 +250,8 @@ class DependsOnProcess(Good):  # fresh process
 
 class DependsOnGlobalSeed(Good):  # seed
     def register(self, problem):
-        return nudged(problem, 1e-17 * float(np.random.get_state()[1][1]))
+        seed = np.random.get_state()[1][0] % 2**31  # the seed that was set; 0 if none was
+        return nudged(problem, 1e-9 * float(seed))
 
 
 class SeedsGlobally(Good):  # random state
