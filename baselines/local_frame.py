@@ -65,16 +65,13 @@ class LocalFrame:
         return se3(rotation, self.target_centroid + self.unit * translation - rotation @ self.source_centroid)
 
 
-def require_surface(problem: Problem, least: int = 3) -> None:
+def require_surface(problem: Problem) -> None:
     """Refuse clouds on which normals and features mean nothing.
 
     Raises:
-        ValueError: A cloud has fewer than `least` distinct points.
+        ValueError: A cloud has fewer than three distinct points.
     """
     for name, points in (("source", problem.source), ("target", problem.target)):
-        # Distinct points are counted only where there is doubt: np.unique sorts.
-        distinct = len(points) if len(points) < least else least
-        if distinct == least and (points == points[0]).all(axis=1).sum() > len(points) - least:
-            distinct = len(np.unique(points, axis=0))
-        if distinct < least:
-            raise ValueError(f"the {name} cloud has fewer than {least} distinct points")
+        others = points[(points != points[:1]).any(axis=1)]
+        if (others == others[:1]).all():  # also true of none
+            raise ValueError(f"the {name} cloud has fewer than 3 distinct points")
