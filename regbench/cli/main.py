@@ -10,6 +10,8 @@ import typer
 from regbench.cli import align, check, data, doctor, ls, new, run, table
 from regbench.errors import UserError
 
+INTERRUPTED = 130
+
 app = typer.Typer(
     help="Point cloud registration methods, measured on named protocols.",
     no_args_is_help=True,
@@ -40,9 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"regbench: {' '.join(words.split())} (see --help)", file=sys.stderr)
         return 2
     except (KeyboardInterrupt, typer.Abort):
-        print("regbench: interrupted; give the same command again to continue", file=sys.stderr)
-        return 130
+        result = INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+    if result == INTERRUPTED:  # typer answers so too, where it met the interrupt first
+        print("regbench: interrupted; give the same command again to continue", file=sys.stderr)
     return result if isinstance(result, int) else 0

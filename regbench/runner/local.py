@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import queue
 import socket
 import threading
 from collections import OrderedDict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,72 +42,90 @@ class LocalExecutor:
 
     def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
         """Run what is not done; see `Executor.execute`."""
-        blocks = deque(plan.blocks(done))
-        rows: queue.Queue[Row | BaseException | None] = queue.Queue(maxsize=1000)
-        stop = threading.Event()
-        cores = lane_cores(plan.config.jobs, plan.config.threads)
-        lanes = [_Lane(plan, blocks, rows, stop, own, logs) for own in cores]
+        shared = _Shared(plan, deque(plan.blocks(done)), logs, on_row)
+        cores_of_lanes = lane_cores(plan.config.jobs, plan.config.threads)
+        lanes = [_Lane(shared, cores) for cores in cores_of_lanes]
+        with _kept_off({core for cores in cores_of_lanes for core in cores}):
+            self._run(lanes, shared)
+        if shared.failure is not None:
+            raise shared.failure
+
+    def _run(self, lanes: Sequence[_Lane], shared: _Shared) -> None:
         threads = [threading.Thread(target=lane.run, name=f"lane {number}") for number, lane in enumerate(lanes)]
         for thread in threads:
             thread.start()
-        running = len(threads)
         try:
-            while running:
-                match rows.get():
-                    case None:
-                        running -= 1
-                    case BaseException() as error:
-                        raise error
-                    case row:
-                        on_row(row)
+            while any(thread.is_alive() for thread in threads) and not shared.stop.is_set():
+                for thread in threads:
+                    thread.join(0.1)
         finally:
-            stop.set()
-            for lane in lanes:
-                lane.interrupt()
+            shared.stop.set()
             while any(thread.is_alive() for thread in threads):
-                try:
-                    rows.get(timeout=0.05)  # a lane may wait for room in the queue
-                except queue.Empty:
-                    for lane in lanes:
-                        lane.interrupt()  # a worker may have been started just after the first call
+                for lane in lanes:
+                    lane.interrupt()  # again and again: a worker may just be starting
+                threads[0].join(0.05)
+
+
+@contextmanager
+def _kept_off(cores: set[int]) -> Iterator[None]:
+    """Keep this process off the cores of timed trials where another is left.
+
+    Else the kernel likes to wake it where the worker runs, in the worker's time.
+    """
+    if not hasattr(os, "sched_getaffinity") or not (rest := os.sched_getaffinity(0) - cores):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, rest)
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+class _Shared:
+    """What the lanes of one run share."""
+
+    def __init__(self, plan: Plan, blocks: deque[list[Trial]], logs: Path, on_row: Callable[[Row], None]) -> None:
+        self.plan, self.blocks, self.logs = plan, blocks, logs
+        self.stop = threading.Event()
+        self.failure: BaseException | None = None
+        self._on_row = on_row
+        self._lock = threading.Lock()
+
+    def hand_over(self, row: Row) -> None:
+        with self._lock:
+            if not self.stop.is_set():
+                self._on_row(row)
 
 
 class _Lane:
     """Cores of its own, and the workers that take turns on them."""
 
-    def __init__(
-        self,
-        plan: Plan,
-        blocks: deque[list[Trial]],
-        rows: queue.Queue[Row | BaseException | None],
-        stop: threading.Event,
-        cores: Sequence[int],
-        logs: Path,
-    ) -> None:
-        self._plan, self._blocks, self._rows, self._stop = plan, blocks, rows, stop
-        self._cores, self._logs = cores, logs
+    def __init__(self, shared: _Shared, cores: Sequence[int]) -> None:
+        self._shared, self._plan, self._cores = shared, shared.plan, cores
         self._workers: OrderedDict[int, WorkerProcess] = OrderedDict()
         self._host = socket.gethostname()
 
     def run(self) -> None:
         """Take blocks until there is none."""
         try:
-            while not self._stop.is_set():
+            while not self._shared.stop.is_set():
                 try:
-                    block = self._blocks.popleft()
+                    block = self._shared.blocks.popleft()
                 except IndexError:
                     break
                 for trial in block:
                     outcome = self._outcome(trial)
-                    if self._stop.is_set():
+                    if self._shared.stop.is_set():
                         return  # the worker was killed under it: no answer of the method's
-                    self._rows.put(self._row(trial, outcome))
+                    self._shared.hand_over(self._row(trial, outcome))
         except BaseException as error:  # noqa: BLE001 - handed to the run, which ends with it
-            self._rows.put(error)
+            self._shared.failure = error
+            self._shared.stop.set()
         finally:
             for worker in self._workers.values():
                 worker.close()
-            self._rows.put(None)
 
     def interrupt(self) -> None:
         """Kill the workers, from another thread."""
@@ -145,7 +163,7 @@ class _Lane:
                 device=config.device,
                 data_dir=self._plan.data_dir,
                 memory_gb=config.memory,
-                log=self._logs / f"{asked.replace('/', '_')}.log",
+                log=self._shared.logs / f"{asked.replace('/', '_')}.log",
             )
             self._workers[method] = worker  # before it prepares, so that an interrupt finds it
             worker.prepare()

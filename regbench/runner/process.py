@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -78,6 +79,8 @@ class WorkerProcess:
         )
         theirs.close()
         self._connection = Connection(ours.detach())
+        self._answered = select.poll()  # made once: Connection.poll makes a selector each time
+        self._answered.register(self._connection.fileno(), select.POLLIN)
         self._drain = threading.Thread(target=self._drain_output, daemon=True)
         self._drain.start()
         self.alive = True
@@ -139,13 +142,13 @@ class WorkerProcess:
         start = time.perf_counter()
         try:
             self._connection.send_bytes(json.dumps(message).encode())
-            while not self._connection.poll(WATCH_INTERVAL_S):
+            while not self._answered.poll(WATCH_INTERVAL_S * 1e3):
                 waited_s = time.perf_counter() - start
                 if waited_s > limit_s:
                     self.kill()
                     words = f"no answer after {limit_s:g} s; killed"
                     return {"status": "timeout", "error": words, "time_ms": waited_s * 1e3}
-                if self._process.poll() is not None and not self._connection.poll(0):
+                if self._process.poll() is not None and not self._answered.poll(0):
                     return self._buried(start)
                 if self._resident_bytes() > self._memory_bytes:
                     self.kill()

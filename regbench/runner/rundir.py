@@ -108,6 +108,7 @@ def merge_manifest(run: RunDir, manifest: dict[str, Any]) -> dict[str, Any]:
                 f"{run.path}: holds a run with --{option} {was}, this one has --{option} {now}; "
                 "give another --out, or --fresh to set the old rows aside"
             )
+    manifest["config"]["repeat"] = max(manifest["config"]["repeat"], before["config"]["repeat"])
     ids = {protocol["id"]: protocol for protocol in manifest["protocols"]}
     for old in before["protocols"]:
         new = ids.get(old["id"])

@@ -58,7 +58,7 @@ def test_a_full_disk_is_a_clear_error_and_the_run_continues_later(tmp_path):
     command = [sys.executable, "-m", "regbench", "run", "--plugin", str(FAULTY), "--method", "good", "--limit", "60"]
 
     def little_room():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (33_000, 33_000))
 
     first = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True, preexec_fn=little_room)
     assert first.returncode == 2
