@@ -43,9 +43,7 @@ def test_projection_is_the_formula_pixel_by_pixel():
     expected = np.stack([(u - 320) * z / 585, (v - 240) * z / 585, z], axis=1)
     np.testing.assert_allclose(project_depth(depth), expected, rtol=1e-6, atol=1e-5)
     pixels = np.array([5, 640 * 479 + 639, 1234])
-    np.testing.assert_array_equal(
-        project_pixels(depth, pixels)[:, 2], (depth.ravel()[pixels] / 1000).astype(np.float32)
-    )
+    np.testing.assert_allclose(project_pixels(depth, pixels)[:, 2], depth.ravel()[pixels] / 1000, rtol=1e-6)
 
 
 def test_both_invalid_values_and_neither_neighbour():
