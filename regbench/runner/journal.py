@@ -55,7 +55,7 @@ class Journal:
         self.path = path
         self.torn_bytes = 0
         try:
-            self._file = path.open("a+b")
+            self._file = path.open("a+b", buffering=0)  # a buffer would keep what a full disk refused
         except OSError as error:
             raise UserError(f"{path}: cannot be opened for writing ({error.strerror})") from error
         try:
@@ -80,23 +80,17 @@ class Journal:
         Raises:
             UserError: The disk is full or the file cannot be written. Rows written before are whole.
         """
-        line = json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n"
-        whole = self._file.tell()
+        line = memoryview(json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n")
+        whole = self._file.seek(0, os.SEEK_END)
         try:
-            self._file.write(line)
-            self._file.flush()
+            while line:
+                line = line[self._file.write(line) :]  # a nearly full disk takes a part
         except OSError as error:
-            self._forget(whole)
+            self._file.truncate(whole)
             raise UserError(
                 f"{self.path}: cannot be written ({error.strerror}); every finished trial is in it. "
                 "Make room and give the same command again: it continues"
             ) from error
-
-    def _forget(self, whole: int) -> None:
-        """Drop what a failed write left in the file and in Python's buffer, so that the last line stays whole."""
-        raw = self._file.raw
-        os.ftruncate(raw.fileno(), whole)
-        self._file = os.fdopen(os.dup(raw.fileno()), "a+b")
 
     def close(self) -> None:
         """Close the file; the lock goes with it."""

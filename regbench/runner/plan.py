@@ -122,5 +122,6 @@ def plan_method(method: Method) -> PlannedMethod:
     from importlib.util import find_spec
 
     missing = [module for module in method.trait("requires") if find_spec(module) is None]
-    reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}".replace("_", "-") if missing else None
+    packages = " ".join(missing).replace("_", "-")
+    reason = f"needs {', '.join(missing)}: pip install {packages}" if missing else None
     return PlannedMethod(method, method_fingerprint(method), reason)

@@ -155,7 +155,7 @@ def test_bad_configuration(tmp_path, capsys, text, words):
         (["run", "-m", "icp,icp"], "asked for twice"),
         (["run", "-m", "icp", "-p", "demo@2"], "did you mean 'demo@1'"),
         (["run", "-m", "icp", "--limit", "0"], "limit"),
-        (["run", "-m", "icp", "--limit", "ten"], "ten"),
+        (["run", "-m", "icp", "--limit", "ten"], "--limit"),
         (["run", "-m", "icp", "--device", "tpu"], "device"),
         (["run", "-m", "icp", "--device", "cuda"], "no CUDA device"),
         (["run", "-m", "icp", "--executor", "slurm"], "unknown executor"),

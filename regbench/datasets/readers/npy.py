@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from regbench.datasets.readers.checks import check_is_file, naming
 from regbench.errors import UserError
 
+# Coordinates, normals, colours and the like; a (3, N) array is refused rather than read as three points.
+MOST_COLUMNS = 16
+
 
 def read_npy(path: Path) -> NDArray[Any]:
     """Return the numeric array of a .npy file, memory-mapped and read-only.
@@ -37,12 +40,12 @@ def read_npy(path: Path) -> NDArray[Any]:
 
 
 def read_npy_points(path: Path) -> NDArray[Any]:
-    """Return the first three columns of a .npy array of shape (N, 3 or more).
+    """Return the first three columns of a .npy array of shape (N, 3 to 16).
 
     Raises:
         UserError: As `read_npy`, or the array is of another shape.
     """
     array = read_npy(path)
-    if array.ndim != 2 or array.shape[1] < 3:
+    if array.ndim != 2 or not 3 <= array.shape[1] <= MOST_COLUMNS:
         raise UserError(f"{path}: expected an array of shape (N, 3), got {array.shape}")
     return array[:, :3]
