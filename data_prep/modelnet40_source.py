@@ -38,24 +38,34 @@ class Shapes:
 
 
 def read_source(source: Path, points: int, seed: int) -> Shapes:
-    """Read whichever layout `source`, or a folder right below it, is of.
+    """Read whichever layout `source` is of, or a folder up to two below it (archives have a folder of their own).
 
     Raises:
         UserError: It is none of the three, or a file of the HDF5 pack is broken.
     """
     if not source.is_dir():
         raise UserError(f"{source}: no such folder")
-    for folder in (source, *sorted(path for path in source.iterdir() if path.is_dir())):
+    below = (path for depth in ("*", "*/*") for path in sorted(source.glob(depth)))
+    for folder in (source, *(path for path in below if path.is_dir() and not _is_clutter(path))):
         if any(folder.glob("ply_data_*.h5")):
             return _read_pack(folder, points)
-        if any(folder.glob("*/*/*.off")):
+        if _has_tree(folder, ".off"):
             return _read_tree(folder, "tree of .off meshes, sampled by area", ".off", _sample_off, points, seed)
-        if any(folder.glob("*/*/*.npy")):
+        if _has_tree(folder, ".npy"):
             return _read_tree(folder, "tree of .npy clouds", ".npy", _draw_npy, points, seed)
     raise UserError(
         f"{source}: not a ModelNet40 folder; expected <category>/<train|test>/<id>.off, the same with .npy, "
         "or ply_data_{train,test}N.h5"
     )
+
+
+def _has_tree(folder: Path, suffix: str) -> bool:
+    return any(any(folder.glob(f"*/{split}/*{suffix}")) for split in SPLITS)
+
+
+def _is_clutter(path: Path) -> bool:
+    """Say whether a path is hidden or of macOS's shadow files, which zips made there carry."""
+    return path.name.startswith(".") or "__MACOSX" in path.parts
 
 
 def _read_tree(folder: Path, layout: str, suffix: str, read: _Reader, points: int, seed: int) -> Shapes:
@@ -64,6 +74,8 @@ def _read_tree(folder: Path, layout: str, suffix: str, read: _Reader, points: in
     for split in SPLITS:
         clouds, ids = [], []
         for path in sorted(folder.glob(f"*/{split}/*{suffix}")):
+            if _is_clutter(path):
+                continue
             shape_id = path.relative_to(folder).with_suffix("").as_posix()
             try:
                 cloud = read(path, points, item_generator(seed, shape_id))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +53,7 @@ def prepare(source: Path, data_dir: Path, *, points: int = 4096, seed: int = 0, 
     Raises:
         UserError: There are no frames, or none can be used, or the dataset cannot be written.
     """
-    frames = [(scene, path) for scene, folder in _scenes(source) for path in sorted(folder.glob("seq-*/*.depth.png"))]
+    frames = _find_frames(source)
     if not frames:
         raise UserError(f"{source}: no frames found; expected <scene>/seq-XX/frame-XXXXXX.depth.png")
     scene_names = sorted({scene for scene, _ in frames})
@@ -94,15 +94,13 @@ def prepare(source: Path, data_dir: Path, *, points: int = 4096, seed: int = 0, 
     return data_dir / NAME
 
 
-def _scenes(source: Path) -> Iterator[tuple[str, Path]]:
-    """Yield the scenes' names and folders: those in `source`, or `source` itself where it is one scene."""
+def _find_frames(source: Path) -> list[tuple[str, Path]]:
+    """Return each frame's scene and depth image, sorted: of one scene's folder, of scenes, or of unpacked archives."""
     if not source.is_dir():
         raise UserError(f"{source}: no such folder")
-    if any(source.glob("seq-*")):
-        yield source.resolve().name, source
-        return
-    for folder in sorted(path for path in source.iterdir() if path.is_dir()):
-        yield folder.name, folder
+    source = source.resolve()  # a scene is named after its folder, also for "."
+    sequences = [path for depth in ("", "*/", "*/*/") for path in source.glob(f"{depth}seq-*") if path.is_dir()]
+    return sorted((path.parent.name, image) for path in sequences for image in path.glob("*.depth.png"))
 
 
 def _frame_id(scene: str, path: Path) -> str:

@@ -76,6 +76,10 @@ def meshes(tmp_path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     (folder / "README.txt").write_text("not a category")
+    shadow = tmp_path / "raw" / "__MACOSX" / "chair" / "train"
+    shadow.mkdir(parents=True)
+    for path in (shadow / "._chair_0001.off", folder / "chair" / "train" / "._chair_0001.off"):
+        path.write_bytes(b"\0\5\x16\7")  # what macOS puts into zips
     return folder.parent
 
 
@@ -126,11 +130,12 @@ def test_a_moved_source_gives_the_same_bytes_and_says_so(meshes, tmp_path):
     data = tmp_path / "data"
     run(meshes, data)
     before = {path.name: path.read_bytes() for path in (data / "modelnet40").iterdir()}
-    moved = shutil.move(meshes, tmp_path / "elsewhere")
-    _, _, lines = run(moved, data)
+    (tmp_path / "elsewhere").mkdir()
+    moved = shutil.move(meshes, tmp_path / "elsewhere" / "deeper")
+    _, _, lines = run(moved.parent, data)
     assert lines[-1].endswith("already prepared, nothing changed")
     assert {path.name: path.read_bytes() for path in (data / "modelnet40").iterdir()} == before
-    _, _, lines = run(moved, data, seed=1)
+    _, _, lines = run(moved.parent, data, seed=1)
     assert "nothing changed" not in lines[-1]
 
 

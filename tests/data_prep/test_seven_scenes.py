@@ -119,8 +119,10 @@ def test_poses_bring_neighbouring_frames_together(shared_data, tmp_path):
 
 def test_twice_and_one_scene_alone(stairs, tmp_path):
     run(stairs, tmp_path / "data")
-    _, _, lines = run(stairs / "stairs", tmp_path / "data")  # the scene's own folder
-    assert lines[-1].endswith("already prepared, nothing changed")
+    deeper = shutil.copytree(stairs, tmp_path / "unpacked" / "archive")  # an archive's own folder
+    for source in (stairs / "stairs", deeper.parent):
+        _, _, lines = run(source, tmp_path / "data")
+        assert lines[-1].endswith("already prepared, nothing changed")
 
 
 def test_frames_that_cannot_be_used_are_named(stairs, tmp_path):
