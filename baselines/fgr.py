@@ -9,7 +9,7 @@ import numpy as np
 from regbench.contract import Problem, Registrar, Registration
 from regbench.geometry.size import spacing
 
-from .fpfh import cloud_with_features
+from .fpfh import cloud_with_features, thinned
 from .local_frame import LocalFrame, require_surface
 from .open3d_library import import_open3d, point_to_point_icp, seed_open3d
 
@@ -20,6 +20,8 @@ class Fgr(Registrar):
     Lengths are in extents of the target; those of the final ICP, in spacings of the target.
 
     Args:
+        max_points: A cloud with more points is thinned first: matching 100,000 features takes minutes.
+        voxel: Edge of the voxels that a larger cloud is thinned to, one point each.
         normal_radius: Neighbourhood of a normal.
         normal_neighbours: Most neighbours of a normal.
         feature_radius: Neighbourhood of a feature.
@@ -50,6 +52,8 @@ class Fgr(Registrar):
     def __init__(
         self,
         *,
+        max_points: int = 5000,
+        voxel: float = 0.03,
         normal_radius: float = 0.2,
         normal_neighbours: int = 30,
         feature_radius: float = 0.5,
@@ -61,6 +65,8 @@ class Fgr(Registrar):
         refine_distance: float = 2.0,
         refine_iterations: int = 60,
     ) -> None:
+        self.max_points = max_points
+        self.voxel = voxel
         self.normal_radius = normal_radius
         self.normal_neighbours = normal_neighbours
         self.feature_radius = feature_radius
@@ -86,7 +92,7 @@ class Fgr(Registrar):
         frame = LocalFrame.of(problem)
         (source, source_features), (target, target_features) = (
             cloud_with_features(
-                points,
+                points if len(points) <= self.max_points else thinned(points, self.voxel),
                 normal_radius=self.normal_radius,
                 normal_neighbours=self.normal_neighbours,
                 feature_radius=self.feature_radius,
@@ -112,7 +118,7 @@ class Fgr(Registrar):
                 source,
                 target,
                 result.transformation,
-                max_distance=self.refine_distance * spacing(frame.target),
+                max_distance=self.refine_distance * spacing(np.asarray(target.points)),
                 max_iterations=self.refine_iterations,
                 tolerance=1e-8,
             )

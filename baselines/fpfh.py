@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from .open3d_library import import_open3d, point_cloud
 
 
+def thinned(points: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:
+    """Return one point, the mean, for each voxel that holds any of (N, 3) points."""
+    return np.array(point_cloud(points).voxel_down_sample(voxel).points)
+
+
 def cloud_with_features(
     points: NDArray[np.float64],
     *,
@@ -22,7 +27,7 @@ def cloud_with_features(
     """Return an open3d cloud with normals, and its features.
 
     Args:
-        points: (N, 3) float64, about their centroid.
+        points: (N, 3) float64, about the centroid of the cloud.
         normal_radius: Neighbourhood of a normal, in the points' unit.
         normal_neighbours: Most neighbours of a normal.
         feature_radius: Neighbourhood of a feature, in the points' unit.
