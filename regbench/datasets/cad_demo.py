@@ -10,7 +10,7 @@ import numpy as np
 
 from regbench.datasets.cad_shapes import CATEGORIES
 from regbench.datasets.dataset import Dataset, Split
-from regbench.datasets.surface import sample_triangles, to_unit_sphere
+from regbench.datasets.surface import sample_surface, to_unit_sphere
 
 POINTS = 1024
 SHAPES_PER_CATEGORY = {"train": 8, "test": 16}
@@ -49,5 +49,6 @@ def _make_shape(split: str, category: str, number: int) -> np.typing.NDArray[np.
     seed = hashlib.sha256(f"cad_demo|{split}|{category}|{number}".encode()).digest()[:8]
     rng = np.random.Generator(np.random.PCG64(int.from_bytes(seed, "little")))
     # Corners on a grid: all that follows is then arithmetic that is exact to the bit everywhere.
-    triangles = np.concatenate(CATEGORIES[category](rng)).round(6)
-    return to_unit_sphere(sample_triangles(triangles, POINTS, rng)).round(5).astype(np.float32)
+    corners = np.concatenate(CATEGORIES[category](rng)).round(6).reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return to_unit_sphere(sample_surface(corners, faces, POINTS, rng)).round(5).astype(np.float32)

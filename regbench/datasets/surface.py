@@ -6,38 +6,68 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the areas of (F, 3, 3) triangles (F, corner, xyz), shape (F,)."""
-    first = triangles[:, 1] - triangles[:, 0]
-    second = triangles[:, 2] - triangles[:, 0]
-    # Written out: np.cross is several times slower on many small vectors.
-    x = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
-    y = first[:, 2] * second[:, 0] - first[:, 0] * second[:, 2]
-    z = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    areas: NDArray[np.float64] = 0.5 * np.sqrt(x * x + y * y + z * z)
-    return areas
+def triangle_areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the areas of a mesh's faces, (F,) float64.
+
+    Args:
+        vertices: (V, 3) float64.
+        faces: (F, 3) indices into the vertices.
+    """
+    # Axis by axis on contiguous columns, in place: three times faster than rows of three and np.cross.
+    a, b, c = np.ascontiguousarray(faces.T)
+    edges = []
+    for axis in np.ascontiguousarray(vertices.T):
+        origin = axis.take(a)
+        first, second = axis.take(b), axis.take(c)
+        first -= origin
+        second -= origin
+        edges.append((first, second))
+    squares = np.zeros(len(faces))
+    for (first_u, second_u), (first_v, second_v) in ((edges[1], edges[2]), (edges[2], edges[0]), (edges[0], edges[1])):
+        cross = first_u * second_v
+        cross -= first_v * second_u
+        cross *= cross
+        squares += cross
+    np.sqrt(squares, out=squares)
+    squares *= 0.5
+    return squares
 
 
-def sample_triangles(triangles: NDArray[np.float64], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw `count` points uniformly by area on (F, 3, 3) triangles; (count, 3) float64, in random order.
+def sample_surface(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], count: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Draw `count` points uniformly by area on a mesh; (count, 3) float64, in random order.
+
+    Args:
+        vertices: (V, 3) float64.
+        faces: (F, 3) indices into the vertices.
+        count: Number of points.
+        rng: Where the draws come from.
 
     Raises:
-        ValueError: The triangles have no area.
+        ValueError: The surface has no area, or more than a float64 can hold.
     """
-    cumulative = np.cumsum(triangle_areas(triangles))
+    cumulative = np.cumsum(triangle_areas(vertices, faces))
     if len(cumulative) == 0 or not cumulative[-1] > 0:
         raise ValueError("the surface has no area")
+    if not np.isfinite(cumulative[-1]):
+        raise ValueError("the surface is too large: its area overflows")
     # side="right": a triangle without area spans an empty interval and is never drawn.
     drawn = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
-    corners = triangles[np.minimum(drawn, len(cumulative) - 1)]
-    weights = rng.random((count, 2))
+    np.minimum(drawn, len(cumulative) - 1, out=drawn)
+    origin, first, second = vertices.take(faces.take(drawn, axis=0).T, axis=0)
+    first -= origin
+    second -= origin
+    u, v = np.ascontiguousarray(rng.random((count, 2)).T)
     # A point of the parallelogram's far half is mirrored into the triangle: uniform, without a square root.
-    outside = weights.sum(axis=1) > 1
-    weights[outside] = 1 - weights[outside]
-    origin = corners[:, 0]
-    points: NDArray[np.float64] = (
-        origin + weights[:, :1] * (corners[:, 1] - origin) + weights[:, 1:] * (corners[:, 2] - origin)
-    )
+    outside = u + v > 1
+    np.subtract(1, u, out=u, where=outside)
+    np.subtract(1, v, out=v, where=outside)
+    first *= u[:, None]
+    second *= v[:, None]
+    origin += first
+    origin += second
+    points: NDArray[np.float64] = origin
     return points
 
 

@@ -6,11 +6,11 @@ import shutil
 import h5py
 import numpy as np
 import pytest
-from regbench_data_prep.mesh_sampling import sample_mesh
 from regbench_data_prep.modelnet40 import CATEGORIES, prepare
 
 from regbench.datasets.readers.off import read_off
 from regbench.datasets.store import open_modelnet40, read_manifest
+from regbench.datasets.surface import sample_surface
 from regbench.errors import UserError
 
 CUBE = """OFF
@@ -149,7 +149,7 @@ def test_a_shape_does_not_depend_on_its_neighbours(meshes, tmp_path):
 def test_points_of_a_cube_lie_on_its_faces_in_equal_parts(tmp_path):
     (tmp_path / "cube.off").write_text(CUBE)
     mesh = read_off(tmp_path / "cube.off")
-    points = sample_mesh(mesh.vertices, mesh.faces, 12_000, np.random.default_rng(0))
+    points = sample_surface(mesh.vertices, mesh.faces, 12_000, np.random.default_rng(0))
     on_face = np.isclose(points[:, :, None], [0.0, 1.0], atol=1e-12).reshape(-1, 6)
     assert on_face.any(axis=1).all()
     np.testing.assert_allclose(on_face.sum(axis=0), 2000, atol=200)

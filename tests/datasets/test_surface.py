@@ -5,7 +5,12 @@ import pytest
 from scipy import stats
 
 from regbench.datasets.primitives import box, cylinder, extrude, place, revolve, sphere, torus
-from regbench.datasets.surface import sample_triangles, to_unit_sphere, triangle_areas
+from regbench.datasets.surface import sample_surface, to_unit_sphere, triangle_areas
+
+
+def mesh_of(triangles):
+    """Return vertices and faces of (F, 3, 3) triangles."""
+    return np.reshape(triangles, (-1, 3)), np.arange(3 * len(triangles)).reshape(-1, 3)
 
 
 def test_points_fall_on_triangles_in_proportion_to_their_area():
@@ -13,10 +18,10 @@ def test_points_fall_on_triangles_in_proportion_to_their_area():
     # Apart along x, so that a point tells its triangle; one has no area.
     triangles = rng.random((6, 3, 3)) + np.arange(6)[:, None, None] * [10, 0, 0]
     triangles[2, 2] = triangles[2, 1]
-    points = sample_triangles(triangles, 20_000, rng)
+    points = sample_surface(*mesh_of(triangles), 20_000, rng)
     counts = np.bincount((points[:, 0] // 10).astype(int), minlength=6)
     areas = np.array([np.linalg.norm(np.cross(b - a, c - a)) / 2 for a, b, c in triangles])
-    np.testing.assert_allclose(triangle_areas(triangles), areas, atol=1e-15)
+    np.testing.assert_allclose(triangle_areas(*mesh_of(triangles)), areas, atol=1e-15)
     assert counts[2] == 0
     used = np.delete(np.arange(6), 2)
     expected = areas[used] / areas.sum() * counts.sum()
@@ -25,7 +30,7 @@ def test_points_fall_on_triangles_in_proportion_to_their_area():
 
 def test_points_are_uniform_within_a_triangle_and_in_its_plane():
     triangle = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
-    points = sample_triangles(triangle, 20_000, np.random.default_rng(0))
+    points = sample_surface(*mesh_of(triangle), 20_000, np.random.default_rng(0))
     assert (points[:, 2] == 0).all()
     assert (points[:, :2] >= 0).all()
     assert (points[:, :2].sum(axis=1) <= 1 + 1e-12).all()
@@ -37,7 +42,7 @@ def test_points_are_uniform_within_a_triangle_and_in_its_plane():
 @pytest.mark.parametrize("triangles", [np.empty((0, 3, 3)), np.zeros((4, 3, 3))])
 def test_no_area(triangles):
     with pytest.raises(ValueError, match="no area"):
-        sample_triangles(triangles, 5, np.random.default_rng(0))
+        sample_surface(*mesh_of(triangles), 5, np.random.default_rng(0))
 
 
 def test_to_unit_sphere():
@@ -64,4 +69,4 @@ def test_to_unit_sphere():
 )
 def test_areas_of_parts(part, area):
     # A torus's tube has ten sides, which loses 3 %.
-    assert triangle_areas(part).sum() == pytest.approx(area, rel=0.04)
+    assert triangle_areas(*mesh_of(part)).sum() == pytest.approx(area, rel=0.04)
