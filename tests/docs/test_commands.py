@@ -1,0 +1,92 @@
+"""Every command in README and docs works as it is printed; only long runs are shortened, by a --limit."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+# What a page's commands find in the current folder: see `workplace`.
+FAILS_ON_PURPOSE = {"regbench check centroids --plugin my_method.py": 1}
+SET_UP = ("git clone", "cd ", "make ")
+
+
+def blocks(page, language):
+    return [text for kind, text in BLOCK.findall(page.read_text()) if kind == language]
+
+
+def commands():
+    for page in PAGES:
+        lines = [line for text in blocks(page, "sh") for line in text.replace("\\\n", " ").splitlines() if line.strip()]
+        for number, line in enumerate(lines):
+            yield pytest.param(page, line, id=f"{page.name}-{number}")
+
+
+@pytest.fixture(scope="session")
+def workplace(tmp_path_factory, shared_data, prepared_data):
+    """A folder with what the pages speak of: raw and prepared data, two clouds, pairs, and the pages' own files."""
+    folder = tmp_path_factory.mktemp("docs")
+    (folder / "raw").mkdir()
+    (folder / "raw" / "modelnet40").symlink_to(shared_data / "modelnet40_ply_hdf5_1024")
+    (folder / "raw" / "7scenes").symlink_to(shared_data / "7scenes")
+    (folder / "data").symlink_to(prepared_data)
+    bunny = shared_data / "extras" / "bunny"
+    (folder / "a.ply").symlink_to(bunny / "bun000.ply")
+    (folder / "b.ply").symlink_to(bunny / "bun045.ply")
+    (folder / "my_pairs").mkdir()
+    for name, scan in (("a", "bun000"), ("b", "bun045"), ("c", "bun090"), ("d", "bun315")):
+        (folder / "my_pairs" / f"{name}.ply").symlink_to(bunny / f"{scan}.ply")
+    (folder / "my_pairs" / "truth.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    (folder / "my_pairs" / "pairs.csv").write_text(
+        "source,target,T_target_source\na.ply,b.ply,truth.txt\nc.ply,d.ply,\n"
+    )
+    for page in PAGES:
+        for text in blocks(page, "python"):
+            if named := re.match(r"# (\w+\.py)\n", text):
+                (folder / named[1]).write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize(("page", "line"), list(commands()))
+def test_command(workplace, page, line):
+    line = line.split("  #")[0].strip()
+    if line.startswith("make "):
+        target = line.split()[1]
+        assert subprocess.run(["make", "-n", target], cwd=REPOSITORY, capture_output=True).returncode == 0
+        return
+    if line.startswith(SET_UP):
+        return
+    words = shlex.split(line)
+    if words[0] == "python":
+        assert (REPOSITORY / words[1]).is_file(), f"{page}: {line}"
+        return
+    assert words[0] == "regbench", f"{page}: {line} is not a command of ours"
+    if words[1] == "run":
+        words = [*_without_limit(words), "--limit", "2"]
+    environment = os.environ | {"REGBENCH_DATA": "data"}
+    answer = subprocess.run(
+        [sys.executable, "-m", *words], cwd=workplace, env=environment, capture_output=True, text=True, timeout=300
+    )
+    assert answer.returncode == FAILS_ON_PURPOSE.get(line, 0), f"{page}: {line}\n{answer.stdout}\n{answer.stderr}"
+
+
+def _without_limit(words):
+    if "--limit" not in words:
+        return words
+    position = words.index("--limit")
+    return words[:position] + words[position + 2 :]
+
+
+def test_every_page_is_linked():
+    linked = "".join(page.read_text() for page in PAGES)
+    for page in PAGES[1:]:
+        assert page.name in linked.replace(page.read_text(), ""), f"nothing links to {page.name}"
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}, which is not there"
