@@ -7,11 +7,10 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from regbench.contract import Problem, Registrar, Registration
-from regbench.geometry.size import spacing
 
 from .fpfh import cloud_with_features, thinned
 from .local_frame import LocalFrame, require_surface
-from .open3d_library import import_open3d, point_to_point_icp, seed_open3d
+from .open3d_library import final_icp, import_open3d, seed_open3d
 
 
 class Fgr(Registrar):
@@ -114,13 +113,8 @@ class Fgr(Registrar):
             ),
         )
         if self.refine == "icp":
-            result = point_to_point_icp(
-                source,
-                target,
-                result.transformation,
-                max_distance=self.refine_distance * spacing(np.asarray(target.points)),
-                max_iterations=self.refine_iterations,
-                tolerance=1e-8,
+            result = final_icp(
+                source, target, result, max_spacings=self.refine_distance, max_iterations=self.refine_iterations
             )
         return Registration(
             T_target_source=frame.from_local(np.asarray(result.transformation)), confidence=result.fitness

@@ -32,7 +32,7 @@ class Gicp(Registrar):
         init: Start = "centroid",
         max_distance: float = 2.0,
         max_iterations: int = 100,
-        tolerance: float = 1e-8,
+        tolerance: float = 1e-6,
         neighbours: int = 20,
         epsilon: float = 1e-3,
     ) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from regbench.geometry.size import spacing
 from regbench.native import load_libusb
 
 
@@ -44,4 +45,27 @@ def point_to_point_icp(
         start,
         registration.TransformationEstimationPointToPoint(),
         registration.ICPConvergenceCriteria(tolerance, tolerance, max_iterations),
+    )
+
+
+def final_icp(source: Any, target: Any, result: Any, *, max_spacings: float, max_iterations: int) -> Any:
+    """Improve a global method's RegistrationResult by point-to-point ICP, and return the new one.
+
+    Args:
+        source: open3d cloud.
+        target: open3d cloud of at least two points.
+        result: What the global method answered.
+        max_spacings: Farthest match, in spacings of the target.
+        max_iterations: Most iterations.
+    """
+    max_distance = max_spacings * spacing(np.asarray(target.points))
+    if max_distance == 0:  # every point of the target is there twice: no length to match within
+        return result
+    return point_to_point_icp(
+        source,
+        target,
+        result.transformation,
+        max_distance=max_distance,
+        max_iterations=max_iterations,
+        tolerance=1e-8,
     )

@@ -39,7 +39,7 @@ class SmallGicp(Registrar):
         neighbours: int = 20,
         downsampling: float = 0.0,
         voxel: float = 0.25,
-        tolerance: float = 1e-6,
+        tolerance: float = 1e-4,
     ) -> None:
         self.registration_type = registration_type
         self.init = init

@@ -199,3 +199,31 @@ sys.stdout.write('\\n' + method.cls(**method.parameters).register(problem).T_tar
         for _ in range(2)
     ]
     assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize("text", ["fgr", "ransac"])
+def test_large_clouds_are_thinned_and_still_aligned(text):
+    from regbench.geometry.se3 import transform
+    from regbench.testing.clouds import EASY_T_TARGET_SOURCE, body, make_problem
+
+    problem = make_problem(body(100_000), transform(EASY_T_TARGET_SOURCE, body(60_000, seed=1)))
+    T = build(text).register(problem).T_target_source
+    assert problems.rotation_error_deg(T, EASY_T_TARGET_SOURCE) < 1
+    assert problems.translation_error(T, EASY_T_TARGET_SOURCE) < 0.01
+
+
+@pytest.mark.parametrize("text", METHODS)
+def test_odd_clouds_get_a_rigid_motion(text):
+    from regbench import Problem
+    from regbench.geometry.se3 import why_not_rigid
+
+    rng = np.random.default_rng(0)
+    cloud = rng.normal(size=(300, 3))
+    odd = {
+        "every point twice": np.repeat(cloud, 2, axis=0),
+        "far smaller than the target": rng.normal(size=(6000, 3)) * 1e-4,
+        "far from the target": cloud + 1e6,
+    }
+    for what, source in odd.items():
+        for problem in (Problem(source=source, target=cloud), Problem(source=cloud, target=source)):
+            assert why_not_rigid(build(text).register(problem).T_target_source) is None, what
