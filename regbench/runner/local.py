@@ -115,8 +115,8 @@ class _Lane:
                     block = self._shared.blocks.popleft()
                 except IndexError:
                     break
-                for trial in block:
-                    outcome = self._outcome(trial)
+                for trial, ahead in zip(block, [*block[1:], None], strict=True):
+                    outcome = self._outcome(trial, ahead)
                     if self._shared.stop.is_set():
                         return  # the worker was killed under it: no answer of the method's
                     self._shared.hand_over(self._row(trial, outcome))
@@ -132,21 +132,24 @@ class _Lane:
         for worker in list(self._workers.values()):
             worker.interrupt()
 
-    def _outcome(self, trial: Trial) -> Row:
+    def _outcome(self, trial: Trial, ahead: Trial | None) -> Row:
         planned = self._plan.methods[trial.method]
         if planned.missing:
             return {"status": "missing", "error": planned.missing}
         worker = self._worker(trial.method)
         if worker.failed:
             return worker.failed
-        request = {
+        following = self._request(ahead) if ahead is not None else None
+        return worker.trial(self._request(trial), following, self._plan.config.timeout)
+
+    def _request(self, trial: Trial) -> Row:
+        return {
             "protocol": self._plan.protocols[trial.protocol].protocol.id,
             "data_sha256": self._plan.protocols[trial.protocol].problems.data_sha256,
             "problem": trial.problem,
             "repeat": trial.repeat,
             "seed": self._plan.config.seed,
         }
-        return worker.trial(request, self._plan.config.timeout)
 
     def _worker(self, method: int) -> WorkerProcess:
         """Return the method's worker: the one that lives, or a new one. A method that cannot be prepared stays so."""

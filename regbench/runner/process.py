@@ -64,6 +64,7 @@ class WorkerProcess:
     ) -> None:
         self._memory_bytes = int(memory_gb * 2**30)
         self._warm: set[str] = set()
+        self._sent_ahead: Message | None = None
         self._log = log
         ours, theirs = socket.socketpair()
         environment = os.environ | {"OMP_WAIT_POLICY": "passive", "PYTHONUNBUFFERED": "1"}
@@ -101,20 +102,31 @@ class WorkerProcess:
 
     def prepare(self) -> None:
         """Let the method import, load and compile; sets `failed` if it cannot."""
-        reply = self._ask(self._setup, PREPARE_LIMIT_S)
+        reply = self._ask(self._setup, limit_s=PREPARE_LIMIT_S)
         if reply["status"] != "ok":
             self.failed = reply | {"error": f"while it prepared: {reply['error']}"}
             self.kill()
 
-    def trial(self, request: Message, timeout_s: float) -> Message:
-        """Run one trial, after a warm-up where its protocol is new to the method; return its part of a row."""
-        protocol = request["protocol"]
-        if protocol not in self._warm:
-            reply = self._ask({"do": "warm_up", **request}, timeout_s)
+    def trial(self, request: Message, ahead: Message | None, timeout_s: float) -> Message:
+        """Run one trial, after a warm-up where its protocol is new to the method; return its part of a row.
+
+        Args:
+            request: The trial.
+            ahead: The trial that will be asked for next, or None. It is sent along, so that the worker goes on to it
+                while this process writes the row: the wait for a message back and forth was a quarter of what the
+                runner adds to a trial (benchmarks/bench_runner.py).
+            timeout_s: Seconds that it may take.
+        """
+        if request["protocol"] not in self._warm:
+            reply = self._ask({"do": "warm_up", **request}, limit_s=timeout_s)
             if reply["status"] != "ok":
                 return reply | {"error": f"while it warmed up: {reply['error']}"}
-            self._warm.add(protocol)
-        return self._ask({"do": "trial", **request}, timeout_s)
+            self._warm.add(request["protocol"])
+        messages = [] if self._sent_ahead == request else [request]
+        self._sent_ahead = ahead if ahead is not None and ahead["protocol"] in self._warm else None
+        if self._sent_ahead is not None:
+            messages.append(self._sent_ahead)
+        return self._ask(*({"do": "trial", **message} for message in messages), limit_s=timeout_s)
 
     def close(self) -> None:
         """Let an idle process go."""
@@ -137,11 +149,12 @@ class WorkerProcess:
         self._connection.close()
         self._drain.join(timeout=1)
 
-    def _ask(self, message: Message, limit_s: float) -> Message:
-        """Send a message and wait for the answer; a death, a time-out and too much memory are answers too."""
+    def _ask(self, *messages: Message, limit_s: float) -> Message:
+        """Send messages and wait for one answer; a death, a time-out and too much memory are answers too."""
         start = time.perf_counter()
         try:
-            self._connection.send_bytes(json.dumps(message).encode())
+            for message in messages:
+                self._connection.send_bytes(json.dumps(message).encode())
             while not self._answered.poll(WATCH_INTERVAL_S * 1e3):
                 waited_s = time.perf_counter() - start
                 if waited_s > limit_s:
