@@ -55,7 +55,8 @@ def sample_surface(
     # side="right": a triangle without area spans an empty interval and is never drawn.
     drawn = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
     np.minimum(drawn, len(cumulative) - 1, out=drawn)
-    origin, first, second = vertices.take(faces.take(drawn, axis=0).T, axis=0)
+    # faces[...], not take: that would first copy all faces where they are a view of a file's table.
+    origin, first, second = vertices.take(faces[drawn].T, axis=0)
     first -= origin
     second -= origin
     u, v = np.ascontiguousarray(rng.random((count, 2)).T)
