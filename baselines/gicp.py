@@ -14,6 +14,8 @@ from .starts import Start, skip_without_prior, start_of
 class Gicp(Registrar):
     """Generalized ICP: plane-to-plane.
 
+    open3d sums in another order on several cores: the last bits repeat only where the process is pinned to one.
+
     Args:
         init: Where to start: "centroid", "identity" or "prior", as for `icp`.
         max_distance: Farthest match, in extents of the target.

@@ -17,6 +17,8 @@ from .starts import Start, skip_without_prior, start_of
 class Icp(Registrar):
     """Point-to-point or point-to-plane ICP.
 
+    On several cores open3d sums in another order for "plane": its last bits repeat only where pinned to one core.
+
     Args:
         metric: "point" or "plane"; normals are estimated for "plane" where the problem has none.
         init: Where to start: "centroid" (centroids matched, no rotation), "identity", or "prior" (the mean rotation

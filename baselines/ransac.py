@@ -18,8 +18,8 @@ class Ransac(Registrar):
 
     Lengths are in extents of the target; those of the final ICP, in spacings of the target.
 
-    open3d draws its samples in parallel: the answer repeats only where the process is pinned to one core, as the
-    runner's workers are unless more threads are asked for.
+    open3d draws its samples in parallel: the answer is sure to repeat only where the process is pinned to one core, as
+    the runner's workers are unless more threads are asked for.
 
     Args:
         max_points: A cloud with more points is thinned first: matching 100,000 features takes minutes.
