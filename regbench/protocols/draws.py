@@ -29,11 +29,13 @@ def generator(protocol: str, index: int, what: str) -> np.random.Generator:
 
 def draw_motion(prior: MotionPrior, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw a (4, 4) T_target_source uniformly in the prior's ranges: angles x, y, z, then tx, ty, tz."""
-    angles_deg = rng.uniform(prior.angle_min_deg, prior.angle_max_deg)
-    translation = rng.uniform(prior.translation_min, prior.translation_max)
+    ranges = zip(prior.angle_min_deg + prior.translation_min, prior.angle_max_deg + prior.translation_max, strict=True)
+    draws = [rng.uniform(least, greatest) for least, greatest in ranges]
+    angles_deg, translation = draws[:3], draws[3:]
     return se3(rotation_from_euler_deg(angles_deg), translation)
 
 
 def draw_noise(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw Gaussian noise of standard deviation 0.01, clipped at 0.05 (PRNet, RPM-Net)."""
-    return np.clip(rng.normal(0.0, NOISE_SIGMA, shape), -NOISE_CLIP, NOISE_CLIP)
+    noise = rng.normal(0.0, NOISE_SIGMA, shape)
+    return np.clip(noise, -NOISE_CLIP, NOISE_CLIP, out=noise)

@@ -38,15 +38,16 @@ def copied(cloud: Cloud, T: Cloud, protocol: str, index: int, noise: Noise) -> C
     Noise "both" is drawn for each cloud after its permutation (PRNet, CEMNet); "shared" is drawn once, before the
     copy is made (DCP).
     """
-    clean = cloud
-    if noise == "shared":
-        cloud = cloud + draw_noise(cloud.shape, generator(protocol, index, "noise"))
-    source = _permuted(cloud, protocol, index, "permutation of source")
-    target = _permuted(transform(T, cloud), protocol, index, "permutation of target")
+    noisy = cloud + draw_noise(cloud.shape, generator(protocol, index, "noise")) if noise == "shared" else cloud
+    moved_clean = transform(T, cloud)
+    source = _permuted(noisy, protocol, index, "permutation of source")
+    target = _permuted(
+        transform(T, noisy) if noise == "shared" else moved_clean, protocol, index, "permutation of target"
+    )
     if noise == "both":
-        source = source + draw_noise(source.shape, generator(protocol, index, "noise of source"))
-        target = target + draw_noise(target.shape, generator(protocol, index, "noise of target"))
-    return Clouds(source, target, clean, transform(T, clean))
+        source += draw_noise(source.shape, generator(protocol, index, "noise of source"))
+        target += draw_noise(target.shape, generator(protocol, index, "noise of target"))
+    return Clouds(source, target, cloud, moved_clean)
 
 
 def resampled(cloud: Cloud, T: Cloud, protocol: str, index: int, points: int) -> Clouds:
@@ -75,8 +76,7 @@ def cropped(cloud: Cloud, T: Cloud, protocol: str, index: int, keep: float) -> C
 
 
 def _permuted(points: Cloud, protocol: str, index: int, what: str) -> Cloud:
-    shuffled: Cloud = points[generator(protocol, index, what).permutation(len(points))]
-    return shuffled
+    return points.take(generator(protocol, index, what).permutation(len(points)), axis=0)
 
 
 class MovedCopies(ProblemSet):
