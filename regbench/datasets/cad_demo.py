@@ -37,9 +37,10 @@ def _make() -> Dataset:
 
 
 def _make_split(split: str, count: int) -> Split:
-    names = [(category, number) for category in CATEGORIES for number in range(count)]
+    # Categories take turns, so that the first few shapes (`--limit`) are of every kind.
+    names = [(category, number) for number in range(count) for category in CATEGORIES]
     points = np.stack([_make_shape(split, category, number) for category, number in names])
-    labels = np.repeat(np.arange(len(CATEGORIES), dtype=np.int64), count)
+    labels = np.tile(np.arange(len(CATEGORIES), dtype=np.int64), count)
     points.flags.writeable = labels.flags.writeable = False
     return Split(points, labels, tuple(f"{category}/{split}_{number:04d}" for category, number in names))
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from regbench.datasets.cad_demo import open_dataset
 
 # Changes only with the shapes, and then with the version of every protocol on them.
-SHA256 = "1ed4305dde93a159f05f158fd76b3107f3481a31a818e20b86e4627f901cd7ea"
+SHA256 = "64de65f53f73b3707b19208355a8fe1dff263b46515e01126d22a82e72da5fbf"
 
 
 @pytest.fixture(scope="module")

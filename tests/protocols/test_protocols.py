@@ -13,7 +13,7 @@ from regbench.protocols.seven_scenes import split_scans
 from regbench.registry import find_protocol, names
 from regbench.runner.run import survey
 
-DEMO_SHA256 = "3aab794d1041b1b6a91f0f2480dc38f57fb9c976565a58ebdac075ed4c6e146f"
+DEMO_SHA256 = "6befdfeefae1fc6bd0eeda5b8013b7ac9329703be46d997b1b2d1c80b0a6a3de"
 MODELNET = ["clean", "noise", "noise-shared", "unseen", "resampled", "partial"]
 
 
