@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from regbench.cli.options import Data
+from regbench.cli.options import Data, help_without_verb
 
-app = typer.Typer(help="Prepare raw data, or download it.", no_args_is_help=True)
+app = typer.Typer(help="Prepare raw data, or download it.", callback=help_without_verb, invoke_without_command=True)
 
 
 @app.command("prepare")

@@ -8,13 +8,15 @@ from collections.abc import Sequence
 import typer
 
 from regbench.cli import align, check, data, doctor, ls, new, run, table
+from regbench.cli.options import help_without_verb
 from regbench.errors import UserError
 
 INTERRUPTED = 130
 
 app = typer.Typer(
     help="Point cloud registration methods, measured on named protocols.",
-    no_args_is_help=True,
+    callback=help_without_verb,
+    invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

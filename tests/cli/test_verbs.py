@@ -188,3 +188,11 @@ def test_pairs_of_one_s_own(here, capsys):
     row = json.loads(capsys.readouterr().out)[0]
     assert row["failures"] == {}
     assert row["rre_median_deg"] < 1e-6
+
+
+@pytest.mark.parametrize(("arguments", "word"), [([], "doctor"), (["data"], "prepare"), (["run", "--help"], "--limit")])
+def test_help(capsys, arguments, word):
+    assert main(arguments) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("Usage:")
+    assert word in text
