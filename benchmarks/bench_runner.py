@@ -35,7 +35,7 @@ class Stopwatch:
     def __init__(self):
         self.times_s, self.own_ms = [], []
 
-    def start(self, run, total, done):
+    def start(self, run, trials):
         pass
 
     def row(self, row):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TextIO
 
+from regbench.runner.run import Tally
 from regbench.runner.rundir import RunDir
 from regbench.runner.status import COLOUR, Status
 
@@ -50,11 +51,13 @@ class PlainProgress:
         self._stream = stream
         self._seen: Counter[tuple[str, str]] = Counter()
 
-    def start(self, run: RunDir, total: int, done: int) -> None:
+    def start(self, run: RunDir, trials: Mapping[str, Tally]) -> None:
         """Say where the run is and how much there is to do."""
-        self._total, self._done, self._last = total, done, time.monotonic()
-        resumed = f", {done} of them done before" if done else ""
-        self._say(f"run {run.path}: {total} trials{resumed}")
+        self._total = sum(tally.total for tally in trials.values())
+        self._done = sum(tally.done for tally in trials.values())
+        self._last = time.monotonic()
+        resumed = f", {self._done} of them done before" if self._done else ""
+        self._say(f"run {run.path}: {self._total} trials{resumed}")
 
     def row(self, row: dict[str, Any]) -> None:
         """Count a trial."""
@@ -84,24 +87,24 @@ class LiveProgress:
         self._tasks: dict[str, Any] = {}
         self._failures: dict[str, Counter[str]] = {}
 
-    def start(self, run: RunDir, total: int, done: int) -> None:
-        """Say where the run is and draw the bar of the whole."""
-        self._bars.console.print(f"run {run.path}", markup=False, highlight=False)
-        self._tasks[""] = self._bars.add_task("all", total=total, completed=done, failures="")
-
-    def row(self, row: dict[str, Any]) -> None:
-        """Move the bars on."""
+    def start(self, run: RunDir, trials: Mapping[str, Tally]) -> None:
+        """Say where the run is and draw the bars."""
         from rich.markup import escape
 
-        method = row["method"]
-        if method not in self._tasks:
-            self._tasks[method] = self._bars.add_task(escape(method), total=None, failures="")
+        self._bars.console.print(f"run {run.path}", markup=False, highlight=False)
+        for method, tally in trials.items():
             self._failures[method] = Counter()
+            self._tasks[method] = self._bars.add_task(
+                escape(method), total=tally.total, completed=tally.done, failures=""
+            )
+
+    def row(self, row: dict[str, Any]) -> None:
+        """Move a bar on."""
+        method = row["method"]
         if row["status"] != Status.OK:
             self._failures[method][row["status"]] += 1
         words = " ".join(f"[{COLOUR[Status(s)]}]{n} {s}[/]" for s, n in self._failures[method].items())
         self._bars.update(self._tasks[method], advance=1, failures=words)
-        self._bars.update(self._tasks[""], advance=1)
 
     def note(self, message: str) -> None:
         """Print a message above the bars."""

@@ -112,10 +112,6 @@ class Plan:
                         if block := [trial for trial in trials if trial.key not in done]:
                             yield block
 
-    def total(self) -> int:
-        """Return the number of trials, done or not."""
-        return len(self.methods) * self.config.repeat * sum(planned.count for planned in self.protocols)
-
 
 def plan_method(method: Method) -> PlannedMethod:
     """Return the method with its fingerprint, and what it needs that is not installed."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,11 +23,19 @@ from regbench.runner.rundir import RunDir
 from regbench.runner.status import Status
 
 
+@dataclass
+class Tally:
+    """Trials of one method: all, and those that have a row."""
+
+    total: int = 0
+    done: int = 0
+
+
 class Progress(Protocol):
     """What a run tells of itself while it goes on."""
 
-    def start(self, run: RunDir, total: int, done: int) -> None:
-        """Trials in all, and those that already have a row."""
+    def start(self, run: RunDir, trials: Mapping[str, Tally]) -> None:
+        """How many trials each method has, and how many of them have a row already."""
 
     def row(self, row: Row) -> None:
         """One more trial."""
@@ -55,12 +64,20 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
         rundir.write_problems(run_dir, plan, truths)
         manifest.write(run_dir.manifest, description)
         rundir.point_latest(run_dir)
-        planned = {trial.key for block in plan.blocks(set()) for trial in block}
-        progress.start(run_dir, total=len(planned), done=len(planned & done))
+        progress.start(run_dir, _tallies(plan, done))
         executor.execute(plan, done, run_dir.logs, _recorder(journal, progress))
         description["finished"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         manifest.write(run_dir.manifest, description)
     return run_dir
+
+
+def _tallies(plan: Plan, done: set[str]) -> dict[str, Tally]:
+    tallies = {planned.method.asked: Tally() for planned in plan.methods}
+    for block in plan.blocks(set()):
+        tally = tallies[plan.methods[block[0].method].method.asked]
+        tally.total += len(block)
+        tally.done += sum(trial.key in done for trial in block)
+    return tallies
 
 
 def _recorder(journal: Journal, progress: Progress) -> Callable[[Row], None]:

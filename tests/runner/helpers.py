@@ -19,8 +19,9 @@ class Silent:
     def __init__(self):
         self.notes, self.rows = [], []
 
-    def start(self, run, total, done):
-        self.total, self.done = total, done
+    def start(self, run, trials):
+        self.total = sum(tally.total for tally in trials.values())
+        self.done = sum(tally.done for tally in trials.values())
 
     def row(self, row):
         self.rows.append(row)
