@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from regbench_data_prep import modelnet40, seven_scenes
 from regbench_data_prep.depth import project_depth
+from regbench_data_prep.mesh_sampling import sample_mesh
 
 from regbench.datasets import cad_demo
 from regbench.datasets.readers.off import read_off
@@ -86,7 +87,10 @@ def bench_meshes(shared: Path) -> None:
         f"sample {POINTS} points on each of {len(paths)} meshes in memory, {sum(len(m.faces) for m in ours)} faces",
         interleaved_ms(
             {
-                "regbench": lambda: [sample_surface(mesh.vertices, mesh.faces, POINTS, rng) for mesh in ours],
+                "regbench": lambda: [sample_mesh(mesh.vertices, mesh.faces, POINTS, rng) for mesh in ours],
+                "regbench, uncompiled": lambda: [
+                    sample_surface(mesh.vertices, mesh.faces, POINTS, rng) for mesh in ours
+                ],
                 "trimesh": sample_trimesh,
                 "open3d": lambda: [mesh.sample_points_uniformly(POINTS) for mesh in opened],
             },
@@ -99,7 +103,7 @@ def bench_meshes(shared: Path) -> None:
 
     def from_file(path: Path) -> object:
         mesh = read_off(path)
-        return sample_surface(mesh.vertices, mesh.faces, POINTS, rng)
+        return sample_mesh(mesh.vertices, mesh.faces, POINTS, rng)
 
     show(
         f"read {len(plain)} .off files and sample {POINTS} points on each",

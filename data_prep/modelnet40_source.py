@@ -15,7 +15,7 @@ from regbench.datasets.readers.checks import checked_points, naming, read_bytes
 from regbench.datasets.readers.h5 import read_h5_array
 from regbench.datasets.readers.npy import read_npy_points
 from regbench.datasets.readers.off import read_off
-from regbench.datasets.surface import sample_surface, to_unit_sphere
+from regbench.datasets.surface import to_unit_sphere
 from regbench.errors import UserError
 
 from .outcome import reason
@@ -93,10 +93,12 @@ def _read_tree(folder: Path, layout: str, suffix: str, read: _Reader, points: in
 
 def _sample_off(path: Path, points: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw points by area on a mesh, scaled to the unit sphere by the points drawn, as the HDF5 packs are."""
+    from .mesh_sampling import sample_mesh  # numba takes a second to import, and only meshes need it
+
     mesh = read_off(path)
     if len(mesh.faces) == 0:
         raise UserError(f"{path}: the mesh has no faces")
-    return to_unit_sphere(sample_surface(mesh.vertices, mesh.faces, points, rng))
+    return to_unit_sphere(sample_mesh(mesh.vertices, mesh.faces, points, rng))
 
 
 def _draw_npy(path: Path, points: int, rng: np.random.Generator) -> NDArray[np.float64]:

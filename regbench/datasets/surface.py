@@ -48,12 +48,8 @@ def sample_surface(
         ValueError: The surface has no area, or more than a float64 can hold.
     """
     cumulative = np.cumsum(triangle_areas(vertices, faces))
-    if len(cumulative) == 0 or not cumulative[-1] > 0:
-        raise ValueError("the surface has no area")
-    if not np.isfinite(cumulative[-1]):
-        raise ValueError("the surface is too large: its area overflows")
     # side="right": a triangle without area spans an empty interval and is never drawn.
-    drawn = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
+    drawn = np.searchsorted(cumulative, rng.random(count) * checked_area(cumulative), side="right")
     np.minimum(drawn, len(cumulative) - 1, out=drawn)
     # faces[...], not take: that would first copy all faces where they are a view of a file's table.
     origin, first, second = vertices.take(faces[drawn].T, axis=0)
@@ -70,6 +66,19 @@ def sample_surface(
     origin += second
     points: NDArray[np.float64] = origin
     return points
+
+
+def checked_area(cumulative: NDArray[np.float64]) -> float:
+    """Return the last of (F,) cumulative areas.
+
+    Raises:
+        ValueError: The surface has no area, or more than a float64 can hold.
+    """
+    if len(cumulative) == 0 or not cumulative[-1] > 0:
+        raise ValueError("the surface has no area")
+    if not np.isfinite(cumulative[-1]):
+        raise ValueError("the surface is too large: its area overflows")
+    return float(cumulative[-1])
 
 
 def to_unit_sphere(points: NDArray[np.float64]) -> NDArray[np.float64]:
