@@ -190,7 +190,16 @@ def test_pairs_of_one_s_own(here, capsys):
     assert row["rre_median_deg"] < 1e-6
 
 
-@pytest.mark.parametrize(("arguments", "word"), [([], "doctor"), (["data"], "prepare"), (["run", "--help"], "--limit")])
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ([], "doctor"),
+        (["data"], "prepare"),
+        (["run", "--help"], "--limit"),
+        (["data", "get", "--help"], "7scenes, modelnet40, modelnet40-meshes"),
+        (["data", "prepare", "--help"], "7scenes, modelnet40."),
+    ],
+)
 def test_help(capsys, arguments, word):
     assert main(arguments) == 0
     text = capsys.readouterr().out
