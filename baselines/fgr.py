@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-import numpy as np
-
-from regbench.contract import Problem, Registrar, Registration
-
-from .fpfh import cloud_with_features, thinned
-from .local_frame import LocalFrame, require_surface
-from .open3d_library import final_icp, import_open3d, seed_open3d
+from .feature_registrar import FeatureRegistrar
+from .open3d_library import import_open3d
 
 
-class Fgr(Registrar):
+class Fgr(FeatureRegistrar):
     """Fast global registration, by default with a final ICP.
 
     Lengths are in extents of the target; those of the final ICP, in spacings of the target.
 
-    Args:
-        max_points: A cloud with more points is thinned first: matching 100,000 features takes minutes.
-        voxel: Edge of the voxels that a larger cloud is thinned to, one point each.
-        normal_radius: Neighbourhood of a normal.
-        normal_neighbours: Most neighbours of a normal.
-        feature_radius: Neighbourhood of a feature.
-        feature_neighbours: Most neighbours of a feature.
-        orient_normals: Turn normals away from the centroid before features are computed.
+    Args (those of FeatureRegistrar beside):
         max_distance: Distance at which the graduated optimisation ends.
         iterations: Iterations of the optimisation.
-        refine: "icp" for a final point-to-point ICP, or "none".
-        refine_distance: Farthest match of the final ICP, in spacings. Small, because where clouds overlap in part
-            the points without a partner would pull.
-        refine_iterations: Most iterations of the final ICP.
     """
 
     name = "fgr"
-    requires = ("open3d",)
     # RPM-Net's published setting; it takes given normals, here estimated from 30 points within 0.1 (REFERENCES 5).
     presets: ClassVar = {
         "paper": {
@@ -44,6 +27,7 @@ class Fgr(Registrar):
             "feature_neighbours": 128,
             "orient_normals": False,
             "max_distance": 0.01,
+            "flat": "features",
             "refine": "none",
         }
     }
@@ -60,6 +44,7 @@ class Fgr(Registrar):
         orient_normals: bool = True,
         max_distance: float = 0.025,
         iterations: int = 64,
+        flat: Literal["axes", "features"] = "axes",
         refine: Literal["none", "icp"] = "icp",
         refine_distance: float = 2.0,
         refine_iterations: int = 60,
@@ -73,36 +58,15 @@ class Fgr(Registrar):
         self.orient_normals = orient_normals
         self.max_distance = max_distance
         self.iterations = iterations
+        self.flat = flat
         self.refine = refine
         self.refine_distance = refine_distance
         self.refine_iterations = refine_iterations
 
-    def prepare(self) -> None:
-        """Import open3d."""
-        import_open3d()
-
-    def register(self, problem: Problem) -> Registration:
-        """Estimate T_target_source.
-
-        Raises:
-            ValueError: A cloud has fewer than three distinct points.
-        """
-        require_surface(problem)
-        frame = LocalFrame.of(problem)
-        (source, source_features), (target, target_features) = (
-            cloud_with_features(
-                points if len(points) <= self.max_points else thinned(points, self.voxel),
-                normal_radius=self.normal_radius,
-                normal_neighbours=self.normal_neighbours,
-                feature_radius=self.feature_radius,
-                feature_neighbours=self.feature_neighbours,
-                orient_normals=self.orient_normals,
-            )
-            for points in (frame.source, frame.target)
-        )
-        seed_open3d(problem.seed)
+    def search(self, source: Any, target: Any, source_features: Any, target_features: Any) -> Any:
+        """Search the motion; see FeatureRegistrar."""
         registration = import_open3d().pipelines.registration
-        result = registration.registration_fgr_based_on_feature_matching(
+        return registration.registration_fgr_based_on_feature_matching(
             source,
             target,
             source_features,
@@ -111,11 +75,4 @@ class Fgr(Registrar):
                 maximum_correspondence_distance=self.max_distance,
                 iteration_number=self.iterations,
             ),
-        )
-        if self.refine == "icp":
-            result = final_icp(
-                source, target, result, max_spacings=self.refine_distance, max_iterations=self.refine_iterations
-            )
-        return Registration(
-            T_target_source=frame.from_local(np.asarray(result.transformation)), confidence=result.fitness
         )

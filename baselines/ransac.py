@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-import numpy as np
-
-from regbench.contract import Problem, Registrar, Registration
-
-from .fpfh import cloud_with_features, thinned
-from .local_frame import LocalFrame, require_surface
-from .open3d_library import final_icp, import_open3d, seed_open3d
+from .feature_registrar import FeatureRegistrar
+from .open3d_library import import_open3d
 
 
-class Ransac(Registrar):
+class Ransac(FeatureRegistrar):
     """RANSAC on FPFH matches, by default with a final ICP.
 
     Lengths are in extents of the target; those of the final ICP, in spacings of the target.
@@ -21,27 +16,15 @@ class Ransac(Registrar):
     open3d draws its samples in parallel: the answer is sure to repeat only where the process is pinned to one core, as
     the runner's workers are unless more threads are asked for.
 
-    Args:
-        max_points: A cloud with more points is thinned first: matching 100,000 features takes minutes.
-        voxel: Edge of the voxels that a larger cloud is thinned to, one point each.
-        normal_radius: Neighbourhood of a normal.
-        normal_neighbours: Most neighbours of a normal.
-        feature_radius: Neighbourhood of a feature.
-        feature_neighbours: Most neighbours of a feature.
-        orient_normals: Turn normals away from the centroid before features are computed.
+    Args (those of FeatureRegistrar beside):
         mutual: Keep only matches that are each other's nearest.
         max_distance: Farthest inlier.
         edge_similarity: Least ratio of matched edge lengths in a sample.
         max_iterations: Most samples.
         confidence: Stop when a better sample is this unlikely.
-        refine: "icp" for a final point-to-point ICP, or "none".
-        refine_distance: Farthest match of the final ICP, in spacings. Small, because where clouds overlap in part
-            the points without a partner would pull.
-        refine_iterations: Most iterations of the final ICP.
     """
 
     name = "ransac"
-    requires = ("open3d",)
 
     def __init__(
         self,
@@ -58,6 +41,7 @@ class Ransac(Registrar):
         edge_similarity: float = 0.9,
         max_iterations: int = 100_000,
         confidence: float = 0.999,
+        flat: Literal["axes", "features"] = "axes",
         refine: Literal["none", "icp"] = "icp",
         refine_distance: float = 2.0,
         refine_iterations: int = 60,
@@ -74,36 +58,15 @@ class Ransac(Registrar):
         self.edge_similarity = edge_similarity
         self.max_iterations = max_iterations
         self.confidence = confidence
+        self.flat = flat
         self.refine = refine
         self.refine_distance = refine_distance
         self.refine_iterations = refine_iterations
 
-    def prepare(self) -> None:
-        """Import open3d."""
-        import_open3d()
-
-    def register(self, problem: Problem) -> Registration:
-        """Estimate T_target_source.
-
-        Raises:
-            ValueError: A cloud has fewer than three distinct points.
-        """
-        require_surface(problem)
-        frame = LocalFrame.of(problem)
-        (source, source_features), (target, target_features) = (
-            cloud_with_features(
-                points if len(points) <= self.max_points else thinned(points, self.voxel),
-                normal_radius=self.normal_radius,
-                normal_neighbours=self.normal_neighbours,
-                feature_radius=self.feature_radius,
-                feature_neighbours=self.feature_neighbours,
-                orient_normals=self.orient_normals,
-            )
-            for points in (frame.source, frame.target)
-        )
-        seed_open3d(problem.seed)
+    def search(self, source: Any, target: Any, source_features: Any, target_features: Any) -> Any:
+        """Search the motion; see FeatureRegistrar."""
         registration = import_open3d().pipelines.registration
-        result = registration.registration_ransac_based_on_feature_matching(
+        return registration.registration_ransac_based_on_feature_matching(
             source,
             target,
             source_features,
@@ -117,11 +80,4 @@ class Ransac(Registrar):
                 registration.CorrespondenceCheckerBasedOnDistance(self.max_distance),
             ],
             registration.RANSACConvergenceCriteria(self.max_iterations, self.confidence),
-        )
-        if self.refine == "icp":
-            result = final_icp(
-                source, target, result, max_spacings=self.refine_distance, max_iterations=self.refine_iterations
-            )
-        return Registration(
-            T_target_source=frame.from_local(np.asarray(result.transformation)), confidence=result.fitness
         )

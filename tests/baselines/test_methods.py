@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from regbench import Problem
+from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
 from regbench.registry import MethodRegistry, import_file, parse_methods
 from regbench.testing import assert_conforms
 
@@ -227,3 +229,13 @@ def test_odd_clouds_get_a_rigid_motion(text):
     for what, source in odd.items():
         for problem in (Problem(source=source, target=cloud), Problem(source=cloud, target=source)):
             assert why_not_rigid(build(text).register(problem).T_target_source) is None, what
+
+
+@pytest.mark.parametrize("method", ["fgr", "ransac"])
+def test_flat_clouds_are_aligned_though_their_features_say_nothing(method):
+    rng = np.random.default_rng(3)
+    flat = np.column_stack([rng.uniform(-1, 1, 500) ** 3, rng.uniform(-0.6, 0.9, 500), np.zeros(500)])
+    T = se3(rotation_from_euler_deg([40, 30, 20]), [0.3, -0.2, 0.1])
+    problem = Problem(source=flat, target=transform(T, flat)[rng.permutation(500)])
+    answer = build(method).register(problem)
+    np.testing.assert_allclose(answer.T_target_source, T, atol=1e-6)
