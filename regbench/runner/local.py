@@ -17,7 +17,8 @@ from regbench.runner.process import WorkerProcess
 
 Row = dict[str, Any]
 
-OPEN_WORKERS = 12
+# More methods than this take turns and pay their imports again with every block; each holds 100 to 300 MB.
+OPEN_WORKERS = 32
 
 
 def lane_cores(jobs: int, threads: int) -> list[list[int]]:
