@@ -69,7 +69,8 @@ def device_synchroniser(device: str) -> Callable[[], None] | None:
         return None
     import torch
 
-    return torch.cuda.synchronize
+    synchronise: Callable[[], None] = torch.cuda.synchronize
+    return synchronise
 
 
 # Plain os calls: with pathlib these three take 130 us a trial, without it 40 us (benchmarks/bench_runner.py).
