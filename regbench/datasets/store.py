@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regbench.datasets.dataset import Dataset, Split
+from regbench.datasets.readers.npy import read_npy
 from regbench.errors import UserError
 
 FORMAT = 1
@@ -71,7 +72,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         manifest = json.loads(path.read_bytes())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise UserError(f"{path}: cannot be read ({_one_line(error)}); {_again(folder)}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise UserError(f"{path}: not a manifest of format {FORMAT}; {_again(folder)}")
@@ -79,6 +80,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     for key, kind in expected.items():
         if not isinstance(manifest.get(key), kind):
             raise UserError(f"{path}: '{key}' is missing or not a {kind.__name__}; {_again(folder)}")
+    if not all(isinstance(entry, dict) for entry in manifest["files"].values()):
+        raise UserError(f"{path}: 'files' does not describe each file; {_again(folder)}")
     if manifest["sha256"] != content_sha256(manifest["label_names"], manifest["files"]):
         raise UserError(f"{path}: its sha256 is not that of its files' hashes; {_again(folder)}")
     return manifest
@@ -112,23 +115,31 @@ def _open_split(folder: Path, split: str, manifest: Mapping[str, Any]) -> Split:
     points = _open_array(folder / f"{split}_points.npy", files)
     labels = _open_array(folder / f"{split}_labels.npy", files)
     poses = _open_array(folder / f"{split}_poses.npy", files) if f"{split}_poses.npy" in files else None
-    ids = (folder / f"{split}_ids.txt").read_text(encoding="utf-8").splitlines()
+    ids = _read_ids(folder / f"{split}_ids.txt")
     if not len(points) == len(labels) == len(ids) == len(ids if poses is None else poses):
         raise UserError(f"{folder}: the arrays of split '{split}' differ in length; {_again(folder)}")
     return Split(points, labels, ids, poses)
 
 
+def _read_ids(path: Path) -> list[str]:
+    try:
+        # Not splitlines: an id may hold what Unicode calls a line's end.
+        return path.read_bytes().decode("utf-8").split("\n")[:-1]
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: cannot be read ({_one_line(error)}); {_again(path.parent)}") from None
+
+
 def _open_array(path: Path, files: Mapping[str, Mapping[str, Any]]) -> NDArray[Any]:
     entry = files.get(path.name, {})
     try:
-        array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError) as error:
-        raise UserError(f"{path}: not a .npy array ({_one_line(error)}); {_again(path.parent)}") from None
+        array = read_npy(path)
+    except UserError as error:
+        raise UserError(f"{error}; {_again(path.parent)}") from None
     dtype = DTYPES[path.stem.rpartition("_")[2]]
     if list(array.shape) != entry.get("shape") or array.dtype != np.dtype(dtype):
         raise UserError(
             f"{path}: holds {array.dtype} of shape {array.shape}, "
-            f"the manifest says {dtype} of {tuple(entry.get('shape', ()))}; {_again(path.parent)}"
+            f"the manifest says {dtype} of {entry.get('shape')}; {_again(path.parent)}"
         )
     return array
 

@@ -11,6 +11,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from regbench.datasets.readers.checks import read_bytes
 from regbench.datasets.readers.cloud import read_cloud
 from regbench.datasets.readers.transform import read_transform
 from regbench.errors import UserError
@@ -67,9 +68,9 @@ def _read_table(path: Path) -> list[dict[str, str]]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"{path}: cannot be read as a table ({error})") from error
     if not {"source", "target"} <= set(columns):
-        raise UserError(f"{path}: needs the columns source and target, has {', '.join(columns) or 'none'}")
+        raise UserError(f"{path}: needs the columns source and target, has {', '.join(map(repr, columns)) or 'none'}")
     if strange := set(columns) - set(COLUMNS):
-        raise UserError(f"{path}: unknown column '{min(map(str, strange))}' (there is: {', '.join(COLUMNS)})")
+        raise UserError(f"{path}: unknown column {min(map(str, strange))!r} (there is: {', '.join(COLUMNS)})")
     for number, row in enumerate(rows, start=2):
         if None in row or not row["source"] or not row["target"]:
             raise UserError(f"{path}: line {number} must name a source and a target")
@@ -85,9 +86,12 @@ class _Pairs(ProblemSet):
         for name in [row.get(column) for row in rows for column in COLUMNS]:
             if name:
                 path = folder / name
-                if not path.is_file():
-                    raise UserError(f"{folder / TABLE}: names {name}, which is not a file")
-                digest.update(hashlib.sha256(path.read_bytes()).digest())
+                try:
+                    content = read_bytes(path)
+                except UserError as error:
+                    why = str(error).removeprefix(f"{path}: ")
+                    raise UserError(f"{folder / TABLE}: names {name!r}: {why}") from None
+                digest.update(hashlib.sha256(content).digest())
         self.data_sha256 = digest.hexdigest()
 
     def __len__(self) -> int:

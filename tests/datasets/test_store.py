@@ -120,7 +120,11 @@ def test_not_prepared(tmp_path):
         ("test_points.npy", lambda content: content.replace(b"(5, 16, 3)", b"(16, 5, 3)"), "of shape (16, 5, 3)"),
         ("test_points.npy", lambda content: b"x" * len(content), "not a .npy array"),
         ("test_ids.txt", lambda content: content.replace(b"\nc", b"xc", 1), "differ in length"),
+        ("test_ids.txt", lambda content: content.replace(b"\nc", b"\n\xff", 1), "test_ids.txt: cannot be read"),
+        ("test_points.npy", lambda content: content.replace(b"(5, 16, 3)", b"(5, 16( 3)"), "not a readable .npy array"),
         ("manifest.json", lambda content: content[:50], "manifest.json: cannot be read"),
+        ("manifest.json", lambda content: b"[" * 100_000, "manifest.json: cannot be read"),
+        ("manifest.json", lambda content: content.replace(b'"files": {', b'"files": {"x": 1,'), "describe each file"),
         (
             "manifest.json",
             lambda content: content.replace(b'"format": 1', b'"format": 2'),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,11 +32,15 @@ def read_bytes(path: Path) -> bytes:
 
 def check_is_file(path: Path) -> None:
     """Raise UserError unless the path is a file."""
-    if path.is_dir():
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise UserError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:  # a name that is too long, or holds a zero byte
+        raise UserError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if stat.S_ISDIR(mode):
         raise UserError(f"{path}: is a folder, expected a file")
-    if not path.exists():
-        raise UserError(f"{path}: no such file")
-    if not path.is_file():
+    if not stat.S_ISREG(mode):
         raise UserError(f"{path}: is not a regular file")
 
 

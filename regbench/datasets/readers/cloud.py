@@ -49,7 +49,8 @@ def read_cloud(path: Path, *, drop_invalid: bool = False) -> NDArray[np.float64]
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise UserError(f"{path}: unknown format '{path.suffix}', expected one of {', '.join(READERS)}")
-    return reader(path, drop_invalid=drop_invalid)
+    with np.errstate(invalid="ignore"):  # NumPy warns of a signalling NaN it converts; what is not finite is told of
+        return reader(path, drop_invalid=drop_invalid)
 
 
 def check_writable(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -32,7 +33,8 @@ def read_npy(path: Path) -> NDArray[Any]:
             raise UserError(f"{path}: not a .npy array")
     # NumPy evaluates the header as a Python literal and reports a broken one by any of these.
     errors = (OSError, ValueError, TypeError, SyntaxError, TokenError, EOFError, KeyError, OverflowError, MemoryError)
-    with naming(path, ".npy array", *errors, RecursionError):
+    with naming(path, ".npy array", *errors, RecursionError), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # files of Python 2 are read all the same
         array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     if array.dtype.kind not in "iuf":
         raise UserError(f"{path}: not an array of numbers ({array.dtype})")

@@ -83,7 +83,7 @@ def _polygons(path: Path, body: bytes, vertex_count: int, face_count: int) -> _A
     if len(numbers) < 3 * vertex_count + face_count:
         raise UserError(f"{path}: truncated: it claims {vertex_count} vertices and {face_count} faces")
     faces = _fans(path, body, vertex_count, face_count)
-    if (faces % 1 != 0).any() or not np.isfinite(faces).all() or (np.abs(faces) > vertex_count).any():
+    if not np.isfinite(faces).all() or (faces % 1 != 0).any() or (np.abs(faces) > vertex_count).any():
         raise UserError(f"{path}: a face names a vertex that is not there (it has {vertex_count})")
     return numbers[: 3 * vertex_count].reshape(-1, 3), faces.astype(np.int64)
 

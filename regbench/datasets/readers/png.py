@@ -29,8 +29,9 @@ def read_depth_png(path: Path) -> NDArray[np.uint16]:
     if not content.startswith(b"\x89PNG\r\n\x1a\n"):
         raise UserError(f"{path}: not a PNG image")
     # Pillow reports a broken PNG by any of these, depending on where it breaks.
-    errors = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error, Image.DecompressionBombError)
-    with naming(path, "PNG image", *errors), warnings.catch_warnings():
+    errors = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error)
+    bombs = (Image.DecompressionBombError, Image.DecompressionBombWarning)
+    with naming(path, "PNG image", *errors, *bombs), warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         with Image.open(BytesIO(content), formats=["PNG"]) as image:
             if not image.mode.startswith("I"):

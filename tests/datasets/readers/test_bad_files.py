@@ -5,6 +5,8 @@ import resource
 import subprocess
 import sys
 import textwrap
+import warnings
+import zlib
 
 import h5py
 import numpy as np
@@ -22,6 +24,7 @@ from regbench.datasets.readers.transform import read_transform
 from regbench.errors import UserError
 
 XYZ = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+NAN = np.array([[0.0, np.nan, 0]])
 
 
 def _ply(kind):
@@ -46,9 +49,9 @@ def _pcd(kind):
     return header.encode() + body
 
 
-def _npy():
+def _npy(array=XYZ):
     file = io.BytesIO()
-    np.save(file, XYZ)
+    np.save(file, array)
     return file.getvalue()
 
 
@@ -56,6 +59,12 @@ def _png():
     file = io.BytesIO()
     Image.fromarray(np.arange(64, dtype=np.uint16).reshape(8, 8)).save(file, "PNG")
     return file.getvalue()
+
+
+def _claiming(png, width, height):
+    """Return the PNG with another size in its header, the header's checksum right."""
+    header = b"IHDR" + width.to_bytes(4, "big") + height.to_bytes(4, "big") + png[24:29]
+    return png[:12] + header + zlib.crc32(header).to_bytes(4, "big") + png[33:]
 
 
 def _h5():
@@ -94,7 +103,9 @@ def _refused(reader, path):
     """Read, and return the message of the UserError, or None where the file was read."""
     message = None
     try:
-        reader(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a warning would be further lines beside the one
+            reader(path)
     except UserError as error:
         message = str(error)
     assert message is None or (str(path) in message and "\n" not in message)
@@ -120,6 +131,9 @@ def test_missing_folder_and_empty(tmp_path, name):
     path.rmdir()
     path.write_bytes(b"")
     assert _refused(reader, path)
+    for odd, message in ((tmp_path / ("x" * 300 + name), "File name too long"), (tmp_path / f"\0{name}", "null byte")):
+        assert message in _refused(reader, odd)
+    assert "no such file" in _refused(reader, path / name)
 
 
 @each_format
@@ -218,11 +232,29 @@ def test_a_lying_header_allocates_nothing(tmp_path, name, old, new):
         ("a.ply", _ply("ascii").replace(b"0 0 1", b"0 0 nan"), "1 of 4 points are not finite"),
         ("a.ply", _ply("ascii").replace(b"0 0 1", b"0 0 one"), "text where numbers"),
         ("a.ply", _ply("ascii").replace(b"vertex 4", b"vertex 0"), "no points"),
+        ("a.ply", _ply("ascii").replace(b"float z", b"string z"), "cannot read the header line 'property string z'"),
+        ("a.ply", _ply("ascii").replace(b"property float z", b"property list uchar int z"), "list properties"),
+        ("a.ply", _ply("binary_little_endian")[:-12] + NAN.astype("<f4").tobytes(), "1 of 4 points are not finite"),
+        ("a.ply", _ply("binary_big_endian")[:-12] + b"\x7f\x80\0\1" * 3, "1 of 4 points are not finite"),  # signalling
         ("a.off", b"solid x\nfacet\n", "not an ASCII OFF file"),
+        ("a.off", OFF.replace(b"0 0 1", b"0 0 one"), "text where numbers"),
+        ("a.off", OFF.replace(b"3 0 2 3", b"3 0 2 1e999"), "names a vertex that is not there"),
         ("a.off", OFF.replace(b"3 0 2 3", b"3 0 2 4"), "names a vertex that is not there"),
         ("a.off", OFF.replace(b"3 0 2 3", b"3 0 2 1.5"), "names a vertex that is not there"),
         ("a.off", OFF.replace(b"0 0 1", b"0 0 inf"), "1 vertices are not finite"),
         ("a.pcd", _pcd("ascii").replace(b"DATA ascii", b"DATA zip"), "unknown DATA 'zip'"),
+        ("a.pcd", _pcd("ascii").replace(b"0 0 1", b"0 0 inf"), "1 of 4 points are not finite"),
+        ("a.pcd", _pcd("ascii").replace(b"0 0 1", b"0 0 one"), "text where numbers"),
+        ("a.pcd", _pcd("ascii").replace(b"TYPE F F F", b"TYPE F F S"), "field 'z' has an unknown type"),
+        ("a.pcd", _pcd("ascii").replace(b"FIELDS x y z", b"FIELDS x y w"), "needs one field 'z'"),
+        ("a.pcd", _pcd("binary")[:-12] + NAN.astype("<f4").tobytes(), "1 of 4 points are not finite"),
+        ("a.npy", _npy(np.vstack([XYZ, NAN])), "1 of 5 points are not finite"),
+        ("a.npy", _npy(XYZ.astype(complex)), "not an array of numbers (complex128)"),
+        ("a.npy", _npy(XYZ.astype("U4")), "not an array of numbers (<U4)"),
+        ("a.npy", _npy(XYZ.astype("M8[s]")), "not an array of numbers (datetime64[s])"),
+        ("a.npy", _npy(XYZ.ravel()), "expected an array of shape (N, 3), got (12,)"),
+        ("a.xyz", b"1 2 3\n4 5 nan\n", "1 of 2 points are not finite"),
+        ("a.xyz", b"1 2 3\n4 5 six\n", "text where numbers"),
         ("a.xyz", b"1 2\n3 4\n", "have 2 numbers"),
         ("a.xyz", b"1 2 3\n4 5\n", "not every line"),
         ("a.stl", b"solid", "unknown format '.stl'"),
@@ -242,6 +274,13 @@ def test_messages_of_the_other_formats(tmp_path):
     png = tmp_path / "rgb.png"
     Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(png)
     assert "not a 16-bit greyscale image (mode RGB)" in _refused(read_depth_png, png)
+    Image.fromarray(np.zeros((4, 4), np.uint8)).save(png)
+    assert "not a 16-bit greyscale image (mode L)" in _refused(read_depth_png, png)
+    Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(png, "JPEG")
+    assert "not a PNG image" in _refused(read_depth_png, png)
+    for width, height in ((8192, 11_000), (30_000, 30_000), (16_385, 8)):  # Pillow warns of the first, refuses the next
+        png.write_bytes(_claiming(_png(), width, height))
+        assert _refused(read_depth_png, png)
     pose = tmp_path / "pose.txt"
     for content, message in (
         (POSE[:-8], "16 numbers, this file has 12"),
@@ -254,12 +293,23 @@ def test_messages_of_the_other_formats(tmp_path):
     toml = tmp_path / "bad.toml"
     toml.write_text("a = [1,\n")
     assert "not a readable TOML file" in _refused(read_toml, toml)
+    for content in (b"a = \xff\n", b"a = 1\na = 2\n", b"a = " + b"[" * 5000, b"\0", b"a = " + b"9" * 5000):
+        toml.write_bytes(content)
+        assert "not a readable TOML file" in _refused(read_toml, toml)
     pack = tmp_path / "pack.h5"
     with h5py.File(pack, "w") as h5:
         h5["words"] = np.array([b"a"])
         h5["nan"] = np.array([np.nan])
+        h5["complex"] = np.array([1j])
+        h5["scalar"] = 3.0
+        h5["nothing"] = h5py.Empty("f4")
+        h5.create_group("group")
     for key, message in (
-        ("data", "no array 'data' (it has nan, words)"),
+        ("data", "no array 'data' (it has complex, group, nan, nothing, scalar, words)"),
+        ("group", "no array 'group'"),
+        ("complex", "not an array of numbers (complex128)"),
+        ("scalar", "not an array of numbers"),
+        ("nothing", "not an array of numbers"),
         ("words", "not an array of numbers"),
         ("nan", "not finite"),
     ):
