@@ -1,6 +1,6 @@
 """Points drawn uniformly by area on large meshes, in compiled loops.
 
-Importing this compiles with numba (about a second, a fraction from its cache): import it where meshes are sampled.
+This imports numba, and the first call compiles (later processes load what it kept): import it where it is used.
 """
 
 from __future__ import annotations

@@ -34,7 +34,8 @@ def read_npy(path: Path) -> NDArray[Any]:
     # NumPy evaluates the header as a Python literal and reports a broken one by any of these.
     errors = (OSError, ValueError, TypeError, SyntaxError, TokenError, EOFError, KeyError, OverflowError, MemoryError)
     with naming(path, ".npy array", *errors, RecursionError), warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # files of Python 2 are read all the same
+        # Of headers by Python 2, which are read all the same, and of sizes that overflow, which are refused.
+        warnings.simplefilter("ignore")
         array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     if array.dtype.kind not in "iuf":
         raise UserError(f"{path}: not an array of numbers ({array.dtype})")
