@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,7 @@ def _method(found: registry.MethodRegistry, name: str) -> Entry:
         method = found.resolve(registry.MethodSpec(name, name))
     except UserError as error:
         return {"name": name, "ready": False, "summary": f"not ready: {error}"}
-    missing = [module for module in method.trait("requires") if find_spec(module) is None]
+    missing = method.missing()
     line = _first_line(method.cls)
     return {
         "name": name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import types
 from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
@@ -112,7 +113,7 @@ def resolve(method: type, given: Mapping[str, str], name: str) -> dict[str, obje
     """Return every parameter's value: defaults, then the preset, then what was given.
 
     Raises:
-        UserError: An unknown parameter or preset, or a value of the wrong type.
+        UserError: An unknown parameter or preset, or a value of the wrong type, or of one that JSON has not.
     """
     from regbench.suggest import unknown
 
@@ -132,4 +133,12 @@ def resolve(method: type, given: Mapping[str, str], name: str) -> dict[str, obje
             values[key] = parse_value(text, annotations[key])
         except ValueError as error:
             raise UserError(f"method '{name}': parameter {key}={text}: {error}") from None
+    for key, value in values.items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError):
+            raise UserError(
+                f"method '{name}': parameter {key}={value!r} is a {type(value).__name__}; only numbers, text, "
+                "true/false, None and lists of them reach a worker"
+            ) from None
     return values

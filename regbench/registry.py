@@ -74,6 +74,17 @@ class Method:
 
         return getattr(self.cls, name, getattr(Registrar, name))
 
+    def missing(self) -> list[str]:
+        """Return the modules of `requires` that are not installed."""
+        return [module for module in self.trait("requires") if not _is_installed(module)]
+
+
+def _is_installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):  # of a.b, already a is not there
+        return False
+
 
 def parse_methods(texts: Iterable[str]) -> list[MethodSpec]:
     """Read method requests: names separated by commas, each with optional `[key=value,value2,key2=value]`.

@@ -13,21 +13,27 @@ import os
 import select
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from regbench.registry import Method
+from regbench.runner.status import Status
 
 Message = dict[str, Any]
 
 PREPARE_LIMIT_S = 300.0
 LOG_LIMIT_BYTES = 10_000_000
+TAIL_CHUNKS = 4
+REPLY_LIMIT_BYTES = 64_000_000
+REPLY_STALL_S = 5
 WATCH_INTERVAL_S = 0.05
 
 # Spinning threads of OpenMP starve the other core (REFERENCES: 474 ms against 7 ms for small_gicp).
@@ -66,11 +72,15 @@ class WorkerProcess:
         self._warm: set[str] = set()
         self._sent_ahead: Message | None = None
         self._log = log
+        self._tail: deque[bytes] = deque(maxlen=TAIL_CHUNKS)
         ours, theirs = socket.socketpair()
+        # A method that writes to the socket must not leave us waiting for the rest of what is no answer.
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", REPLY_STALL_S, 0))
         environment = os.environ | {"OMP_WAIT_POLICY": "passive", "PYTHONUNBUFFERED": "1"}
         environment |= dict.fromkeys(THREAD_VARIABLES, str(threads))
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "regbench.runner.worker", str(theirs.fileno())],
+            # -P: a random.py in the folder where the user works is not the module that a method means.
+            [sys.executable, "-P", "-m", "regbench.runner.worker", str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -166,12 +176,12 @@ class WorkerProcess:
                 if self._resident_bytes() > self._memory_bytes:
                     self.kill()
                     return {"status": "oom", "error": f"over the memory limit of {self._limit_words()}; killed"}
-            reply: Message = json.loads(self._connection.recv_bytes())
+            reply = _read_reply(self._connection.recv_bytes(REPLY_LIMIT_BYTES))
         except (EOFError, OSError):
             return self._buried(start)
-        except ValueError:  # something of the method's wrote to the socket
+        except ValueError:
             self.kill()
-            return {"status": "crashed", "error": "the worker's answer is not JSON"}
+            return {"status": "crashed", "error": "something other than an answer came from the worker"}
         if reply["status"] == "oom":
             self.kill()  # after a failed allocation a process is not to be trusted
             reply["error"] += f" (limit {self._limit_words()})"
@@ -185,14 +195,15 @@ class WorkerProcess:
             code = None
         self.kill()
         elapsed = {"time_ms": (time.perf_counter() - start) * 1e3}
-        if b"bad_alloc" in self._log_tail() or b"Cannot allocate memory" in self._log_tail():
+        tail = b"".join(self._tail)  # of this process alone: the log may hold what earlier ones printed
+        if b"bad_alloc" in tail or b"Cannot allocate memory" in tail:
             return {"status": "oom", "error": f"died without memory (limit {self._limit_words()})", **elapsed}
         if code is None:
-            return {"status": "crashed", "error": "the process closed its connection", **elapsed}
+            return {"status": "crashed", "error": "the process closed its connection or wrote to it", **elapsed}
         if code == -signal.SIGKILL:
             words = "killed by SIGKILL, not by regbench (the kernel, short of memory?)"
         elif code < 0:
-            words = f"killed by {signal.Signals(-code).name}"
+            words = f"killed by {_signal_name(-code)}"
         else:
             words = f"the process ended with exit code {code}"
         return {"status": "crashed", "error": words, **elapsed}
@@ -210,22 +221,45 @@ class WorkerProcess:
     def _drain_output(self) -> None:
         """Copy what the process prints to its log, up to a limit; beyond it, read on and drop."""
         assert self._process.stdout is not None
-        with self._process.stdout as output, self._log.open("ab") as log:
-            room = LOG_LIMIT_BYTES - log.tell()
+        with self._process.stdout as output, contextlib.ExitStack() as files:
+            try:
+                log = files.enter_context(self._log.open("ab", buffering=0))
+                room = LOG_LIMIT_BYTES - log.tell()
+            except OSError:  # no room on the disk or for so long a name: read on, for the method must not block
+                room = 0
             while chunk := os.read(output.fileno(), 65536):
+                self._tail.append(chunk[-2000:])
                 if room > 0:
                     try:
                         log.write(chunk[:room])
-                        log.flush()
-                    except OSError:  # a full disk: the journal will say so, and the method must not block
-                        room = 0
-                    room -= len(chunk)
-                    if room <= 0:
-                        with contextlib.suppress(OSError):
+                        room -= len(chunk)
+                        if room <= 0:
                             log.write(b"\n[regbench: log limit reached, the rest is dropped]\n")
+                    except OSError:  # a full disk: the journal will say so
+                        room = 0
 
-    def _log_tail(self) -> bytes:
-        try:
-            return self._log.read_bytes()[-2000:]
-        except OSError:
-            return b""
+
+def _read_reply(content: bytes) -> Message:
+    """Return a worker's reply.
+
+    Raises:
+        ValueError: It is none: something of the method's wrote to the socket, or changed what writes there.
+    """
+    reply = _REPLIES.decode(content.decode())
+    if not isinstance(reply, dict) or reply.get("status") not in list(Status):
+        raise ValueError("not a reply")
+    return reply
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} in a reply")
+
+
+_REPLIES = json.JSONDecoder(parse_constant=_refuse)
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # most of the real-time ones have no name
+        return f"signal {number}"

@@ -24,7 +24,7 @@ Message = dict[str, Any]
 
 def main() -> None:
     """Serve until the run closes the socket."""
-    connection = Connection(int(sys.argv[1]))
+    connection, process_id = Connection(int(sys.argv[1])), os.getpid()
     setup = json.loads(connection.recv_bytes())
     _confine(setup)
     try:
@@ -41,6 +41,8 @@ def main() -> None:
         except (EOFError, OSError):
             return
         answer = worker.warm_up(request) if request["do"] == "warm_up" else worker.trial(request)
+        if os.getpid() != process_id:
+            os._exit(0)  # a child that a method forked and let return: two must not answer
         connection.send_bytes(json.dumps(answer, allow_nan=False).encode())
 
 
@@ -147,8 +149,10 @@ class Worker:
             reason = self._optional("skip")(problem)
         except Exception as error:  # noqa: BLE001 - whatever a method or a data file does
             return failure(error)
+        if reason is None and self._sees_ground_truth() and pair.T_target_source is None:
+            reason = "nobody knows this problem's ground truth"
         if reason is not None:
-            return {"status": "skipped", "error": str(reason)}
+            return {"status": "skipped", "error": str(reason)[:500]}
         clock = Clock(self._synchronise)
         try:
             with clock:
