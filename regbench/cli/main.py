@@ -34,6 +34,8 @@ app.add_typer(data.app, name="data")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 0, 1 for 'no' as an answer, 2 for bad input, 130 for Ctrl-C."""
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that has no dagger still gets its table
     try:
         result = app(args=None if arguments is None else list(arguments), standalone_mode=False)
     except UserError as error:

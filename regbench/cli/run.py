@@ -31,7 +31,9 @@ def run(
     fresh: Annotated[bool, typer.Option(help="Set older rows of this folder aside; else the run continues.")] = False,
 ) -> None:
     """Run methods on protocols. The same command continues an unfinished run, also after kill -9."""
+    from regbench.cli.interrupt import any_stop_as_interrupt
     from regbench.cli.progress import progress_display
+    from regbench.files import write_atomically
     from regbench.report.table import render
     from regbench.runner.config import load_config
     from regbench.runner.run import run as run_trials
@@ -54,11 +56,11 @@ def run(
         "fresh": fresh,
     }
     options = load_config(config, {name: value for name, value in given.items() if _is_from_user(context, name)})
-    with progress_display(sys.stderr) as progress:
+    with any_stop_as_interrupt(), progress_display(sys.stderr) as progress:
         run_dir = run_trials(options, command=sys.argv, progress=progress)
     for style, suffix in (("text", "txt"), ("csv", "csv"), ("json", "json")):
         text = render([run_dir.path], format=style)
-        (run_dir.tables / f"table.{suffix}").write_text(text + "\n")
+        write_atomically(run_dir.tables / f"table.{suffix}", text.encode() + b"\n")
         if style == "text":
             print(text)
     print(f"\n{run_dir.path}: rows in trials.jsonl, tables in tables/; `regbench table` prints other formats")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from regbench.errors import UserError
-from regbench.runner.plan import Plan
+from regbench.runner.plan import Plan, RunConfig
 from regbench.suggest import unknown
 
 Row = dict[str, Any]
@@ -18,6 +18,9 @@ EXECUTORS = {"local": "regbench.runner.local:LocalExecutor"}
 
 class Executor(Protocol):
     """Carries out the trials of a plan. A trial is the same whoever executes it."""
+
+    def check(self, config: RunConfig) -> None:
+        """Raise UserError if it cannot carry out a run so configured here; asked before anything is written."""
 
     def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
         """Run every trial whose key is not in `done`, and hand over each row as it comes, from one thread at a time.

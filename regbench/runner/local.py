@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
-from regbench.runner.plan import Plan, Trial
+from regbench.runner.plan import Plan, RunConfig, Trial
 from regbench.runner.process import WorkerProcess
 
 Row = dict[str, Any]
@@ -41,6 +41,10 @@ def lane_cores(jobs: int, threads: int) -> list[list[int]]:
 class LocalExecutor:
     """Runs trials in processes on this machine, `--jobs` at a time."""
 
+    def check(self, config: RunConfig) -> None:
+        """Refuse more jobs than there are cores for; see `Executor.check`."""
+        lane_cores(config.jobs, config.threads)
+
     def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
         """Run what is not done; see `Executor.execute`."""
         shared = _Shared(plan, deque(plan.blocks(done)), logs, on_row)
@@ -52,19 +56,19 @@ class LocalExecutor:
             raise shared.failure
 
     def _run(self, lanes: Sequence[_Lane], shared: _Shared) -> None:
-        threads = [threading.Thread(target=lane.run, name=f"lane {number}") for number, lane in enumerate(lanes)]
-        for thread in threads:
-            thread.start()
+        started: list[_Lane] = []
         try:
-            while any(thread.is_alive() for thread in threads) and not shared.stop.is_set():
-                for thread in threads:
-                    thread.join(0.1)
+            for number, lane in enumerate(lanes):
+                threading.Thread(target=lane.run, name=f"lane {number}").start()
+                started.append(lane)
+            for lane in started:
+                while not (lane.finished.wait(0.1) or shared.stop.is_set()):
+                    pass
         finally:
             shared.stop.set()
-            while any(thread.is_alive() for thread in threads):
-                for lane in lanes:
+            for lane in started:
+                while not lane.finished.wait(0.05):
                     lane.interrupt()  # again and again: a worker may just be starting
-                threads[0].join(0.05)
 
 
 @contextmanager
@@ -101,12 +105,18 @@ class _Shared:
 
 
 class _Lane:
-    """Cores of its own, and the workers that take turns on them."""
+    """Cores of its own, and the workers that take turns on them.
+
+    Attributes:
+        finished: Set when no worker is left. Not `Thread.is_alive`: in Python 3.11 a Ctrl-C during `Thread.join` makes
+            a thread that runs on say that it is dead (python/cpython#90882).
+    """
 
     def __init__(self, shared: _Shared, cores: Sequence[int]) -> None:
         self._shared, self._plan, self._cores = shared, shared.plan, cores
         self._workers: OrderedDict[int, WorkerProcess] = OrderedDict()
         self._host = socket.gethostname()
+        self.finished = threading.Event()
 
     def run(self) -> None:
         """Take blocks until there is none."""
@@ -127,6 +137,7 @@ class _Lane:
         finally:
             for worker in self._workers.values():
                 worker.close()
+            self.finished.set()
 
     def interrupt(self) -> None:
         """Kill the workers, from another thread."""
