@@ -15,8 +15,8 @@ from regbench.datasets.readers.cloud import check_writable, read_cloud, write_cl
 from regbench.errors import UserError
 from regbench.geometry.se3 import transform
 from regbench.protocols.pairs import COLUMNS, TABLE
+from regbench.runner.config import load_config
 from regbench.runner.local import LocalExecutor
-from regbench.runner.plan import RunConfig
 from regbench.runner.run import make_plan
 from regbench.runner.status import Status
 
@@ -41,7 +41,7 @@ def align_files(
     overlap in full.
 
     Raises:
-        UserError: A file cannot be read or written, or a method is unknown.
+        UserError: A file cannot be read or written, a method is unknown, or an option has a value it cannot have.
     """
     for path in (save, picture):
         if path is not None and not path.parent.is_dir():
@@ -55,15 +55,16 @@ def align_files(
         folder = Path(name)
         with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([COLUMNS[:2], (source.resolve(), target.resolve())])
-        config = RunConfig(
-            method=list(methods),
-            protocol=[f"pairs:{folder}"],
-            timeout=timeout,
-            memory=memory,
-            threads=threads,
-            seed=seed,
-            plugin=[str(path) for path in plugins],
-        )
+        options = {
+            "method": list(methods),
+            "protocol": [f"pairs:{folder}"],
+            "timeout": timeout,
+            "memory": memory,
+            "threads": threads,
+            "seed": seed,
+            "plugin": [str(path) for path in plugins],
+        }
+        config = load_config(None, options)
         plan, _ = make_plan(config)
         rows: list[dict[str, Any]] = []
         LocalExecutor().execute(plan, set(), folder, rows.append)

@@ -31,7 +31,7 @@ def read_rows(path: Path) -> list[Row]:
             row = json.loads(line)
         except ValueError:
             row = None
-        if not isinstance(row, dict) or "key" not in row:
+        if not isinstance(row, dict) or not isinstance(row.get("key"), str):
             raise UserError(
                 f"{path}: line {number} is not a trial; the file was damaged by something other than a run. "
                 "Remove that line (its trial will run again) or start with --fresh"

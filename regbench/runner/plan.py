@@ -25,9 +25,9 @@ class RunConfig(BaseModel):
     protocol: list[str] = Field(default=["demo@1"], min_length=1)
     limit: int | None = Field(default=None, ge=1)
     repeat: int = Field(default=1, ge=1)
-    seed: int = 0
+    seed: int = Field(default=0, ge=0, lt=2**32)  # what NumPy's legacy generator takes
     timeout: float = Field(default=60.0, gt=0)
-    memory: float = Field(default=8.0, gt=0)
+    memory: float = Field(default=8.0, gt=0, le=2**20)
     jobs: int = Field(default=1, ge=1)
     threads: int = Field(default=1, ge=1)
     device: str = Field(default="cpu", pattern=r"^(cpu|cuda(:\d+)?)$")
@@ -115,9 +115,7 @@ class Plan:
 
 def plan_method(method: Method) -> PlannedMethod:
     """Return the method with its fingerprint, and what it needs that is not installed."""
-    from importlib.util import find_spec
-
-    missing = [module for module in method.trait("requires") if find_spec(module) is None]
+    missing = method.missing()
     packages = " ".join(missing).replace("_", "-")
     reason = f"needs {', '.join(missing)}: pip install {packages}" if missing else None
     return PlannedMethod(method, method_fingerprint(method), reason)

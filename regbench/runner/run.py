@@ -52,6 +52,7 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
     """
     executor = find_executor(config.executor)
     plan, truths = make_plan(config)
+    executor.check(config)
     run_dir = rundir.of_config(config)
     rundir.make(run_dir, fresh=config.fresh)
     with Journal(run_dir.trials) as journal:
@@ -59,11 +60,12 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
             progress.note(
                 f"{run_dir.trials}: a torn last line of {journal.torn_bytes} bytes was cut; its trial runs again"
             )
-        done = {row["key"] for row in read_rows(run_dir.trials) if row["status"] != Status.MISSING}
+        done = {row["key"] for row in read_rows(run_dir.trials) if row.get("status") != Status.MISSING}
         description = rundir.merge_manifest(run_dir, manifest.describe(plan, list(command)))
         rundir.write_problems(run_dir, plan, truths)
         manifest.write(run_dir.manifest, description)
-        rundir.point_latest(run_dir)
+        if words := rundir.point_latest(run_dir):
+            progress.note(words)
         progress.start(run_dir, _tallies(plan, done))
         executor.execute(plan, done, run_dir.logs, _recorder(journal, progress))
         description["finished"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")

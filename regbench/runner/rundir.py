@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 import re
-import time
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
 from regbench.files import write_atomically
 from regbench.runner.fingerprint import digest
+from regbench.runner.journal import Journal
 from regbench.runner.plan import Plan, RunConfig
 
 RUNS = Path("runs")
@@ -68,39 +71,67 @@ def make(run: RunDir, *, fresh: bool) -> None:
     Raises:
         UserError: The folder cannot be made or holds something else.
     """
-    if run.path.is_dir() and any(run.path.iterdir()) and not run.trials.exists() and not run.manifest.exists():
-        raise UserError(f"{run.path}: is not empty and not a run; give another --out")
     try:
+        if run.path.is_dir() and _has_strangers(run):
+            raise UserError(f"{run.path}: is not empty and not a run; give another --out")
         for folder in (run.path, run.logs, run.tables):
             folder.mkdir(parents=True, exist_ok=True)
         if fresh:
-            stamp = time.strftime("%Y%m%d-%H%M%S")
-            for path in (run.trials, run.manifest, run.problems):
-                if path.exists():
-                    path.rename(path.with_name(f"{path.stem}.before-{stamp}{path.suffix}"))
+            _set_aside(run)
     except OSError as error:
         raise UserError(f"{run.path}: cannot be made ({error.strerror})") from error
 
 
-def point_latest(run: RunDir) -> None:
-    """Let runs/latest point to the run, if the run lies under runs/ or nothing is there yet."""
-    RUNS.mkdir(exist_ok=True)
+def _has_strangers(run: RunDir) -> bool:
+    """Return whether the folder holds what no run left there; one killed at its start leaves empty folders."""
+    if run.trials.exists() or run.manifest.exists():
+        return False
+    ours = {run.logs.name, run.tables.name}
+    return any(path.name not in ours and ".before-" not in path.name for path in run.path.iterdir())
+
+
+def _set_aside(run: RunDir) -> None:
+    with Journal(run.trials) if run.trials.exists() else nullcontext():  # refused while another run writes to it
+        stamp = datetime.now().strftime("%Y%m%d-%H%M%S-%f")
+        for path in (run.trials, run.manifest, run.problems):
+            if path.exists():
+                path.rename(path.with_name(f"{path.stem}.before-{stamp}{path.suffix}"))
+
+
+def point_latest(run: RunDir) -> str | None:
+    """Let runs/latest point to the run, wherever that is; return in words why it cannot be done, or None."""
     latest = RUNS / "latest"
-    temporary = RUNS / ".latest.tmp"
-    temporary.unlink(missing_ok=True)
-    temporary.symlink_to(run.path.resolve())
-    temporary.replace(latest)
+    temporary = RUNS / f".latest.{os.getpid()}.tmp"
+    try:
+        RUNS.mkdir(exist_ok=True)
+        temporary.symlink_to(run.path.resolve())
+        temporary.replace(latest)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink()
+        return f"{latest} is left as it is ({error.strerror}); this run's table: `regbench table {run.path}`"
+    return None
 
 
 def merge_manifest(run: RunDir, manifest: dict[str, Any]) -> dict[str, Any]:
     """Return the manifest, with the methods and protocols added that the folder holds and this command leaves out.
 
     Raises:
-        UserError: The folder's rows were made with another seed, number of threads or device.
+        UserError: The folder's rows were made with another seed, number of threads or device, or its manifest is
+            damaged.
     """
     if not run.manifest.exists():
         return manifest
-    before = read_json(run.manifest)
+    try:
+        return _merged(run, manifest, read_json(run.manifest))
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        what = f"has no {error}" if isinstance(error, KeyError) else str(error)
+        raise UserError(
+            f"{run.manifest}: is not a run's manifest ({what}); restore it, or give --fresh to set the old rows aside"
+        ) from error
+
+
+def _merged(run: RunDir, manifest: dict[str, Any], before: dict[str, Any]) -> dict[str, Any]:
     for option in ("seed", "threads", "device"):
         was, now = before["config"].get(option), manifest["config"][option]
         if was != now:
@@ -127,26 +158,31 @@ def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object.
 
     Raises:
-        UserError: The file is missing or holds something else.
+        UserError: The file cannot be read.
+        ValueError: It holds something else.
     """
     try:
         value = json.loads(path.read_bytes())
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise UserError(f"{path}: is not JSON ({error})") from error
     if not isinstance(value, dict):
-        raise UserError(f"{path}: is not a JSON object")
+        raise ValueError("not a JSON object")
     return value
 
 
 def write_problems(run: RunDir, plan: Plan, truths: dict[str, list[dict[str, Any]]]) -> None:
-    """Write the ground truth of the planned problems, keeping those of protocols that the folder already holds."""
+    """Write the ground truth of the planned problems, keeping those of protocols that the folder already holds.
+
+    A damaged line is left out: where it is of a planned problem, it is written anew; else a table names what is lost.
+    """
     lines: dict[tuple[str, int], str] = {}
     if run.problems.exists():
-        for line in run.problems.read_text().splitlines():
-            row = json.loads(line)
-            lines[row["protocol"], row["problem"]] = line
+        for line in run.problems.read_bytes().splitlines():
+            try:
+                row = json.loads(line)
+                lines[row["protocol"], row["problem"]] = line.decode()
+            except (ValueError, KeyError, TypeError):
+                continue
     for planned in plan.protocols:
         for row in truths[planned.protocol.id][: planned.count]:
             lines[row["protocol"], row["problem"]] = json.dumps(row, separators=(",", ":"))
@@ -164,7 +200,8 @@ def find_run(path: Path | None) -> Path:
         if not (latest / "manifest.json").is_file():
             raise UserError("no run yet: runs/latest is missing here; start one with `regbench run --method icp`")
         return latest
-    for candidate in (path, RUNS / path):
-        if (candidate / "manifest.json").is_file():
-            return candidate
+    with suppress(OSError):  # too long a name
+        for candidate in (path, RUNS / path):
+            if (candidate / "manifest.json").is_file():
+                return candidate
     raise UserError(f"{path}: is not a run (no manifest.json in it)")

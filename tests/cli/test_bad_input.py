@@ -156,6 +156,12 @@ def test_bad_configuration(tmp_path, capsys, text, words):
         (["run", "-m", "icp", "-p", "demo@2"], "did you mean 'demo@1'"),
         (["run", "-m", "icp", "--limit", "0"], "limit"),
         (["run", "-m", "icp", "--limit", "ten"], "--limit"),
+        (["run", "-m", "icp", "--seed", "-1"], "--seed = -1"),
+        (["run", "-m", "icp", "--seed", "4294967296"], "--seed"),
+        (["run", "-m", "icp", "--memory", "inf"], "--memory"),
+        (["run", "-m", "icp", "--jobs", "1000"], "needs 1000 cores"),
+        (["run", "-m", "icp", "--out", "x" * 300], "cannot be made"),
+        (["table", "x" * 300], "is not a run"),
         (["run", "-m", "icp", "--device", "tpu"], "device"),
         (["run", "-m", "icp", "--device", "cuda"], "--device cuda: "),
         (["run", "-m", "icp", "--executor", "slurm"], "unknown executor"),
@@ -178,6 +184,12 @@ def test_bad_options(tmp_path, monkeypatch, capsys, arguments, words):
     monkeypatch.delenv("REGBENCH_DATA", raising=False)
     refused(capsys, arguments, words)
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("option", [("--threads", 0), ("--timeout", -1), ("--memory", 0), ("--seed", -1)])
+def test_bad_options_of_align(tmp_path, capsys, option):
+    np.save(tmp_path / "a.npy", np.eye(3))
+    refused(capsys, ["align", tmp_path / "a.npy", tmp_path / "a.npy", "-m", "identity", *option], option[0])
 
 
 def test_a_save_that_cannot_be_written_is_refused_before_work(tmp_path, capsys):
