@@ -33,15 +33,9 @@ def load_config(path: Path | None, given: Mapping[str, Any]) -> RunConfig:
     if not values.get("method"):
         raise UserError("no method given; `regbench ls methods` lists them, e.g. --method icp,fgr")
     try:
-        whole = {name: float(value) if _is_whole_float(name, value) else value for name, value in values.items()}
-        return RunConfig.model_validate(whole)
+        return RunConfig.model_validate(values)
     except ValidationError as error:
         problem = error.errors()[0]
         name = str(problem["loc"][0])
         where = f"{path}: {name}" if path is not None and name not in given else f"--{name}"
         raise UserError(f"{where} = {problem['input']!r}: {problem['msg'].lower()}") from error
-
-
-def _is_whole_float(name: str, value: object) -> bool:
-    """TOML's `timeout = 5` is a whole number where a float is meant."""
-    return RunConfig.model_fields[name].annotation is float and isinstance(value, int) and not isinstance(value, bool)

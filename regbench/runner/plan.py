@@ -26,7 +26,7 @@ class RunConfig(BaseModel):
     limit: int | None = Field(default=None, ge=1)
     repeat: int = Field(default=1, ge=1)
     seed: int = Field(default=0, ge=0, lt=2**32)  # what NumPy's legacy generator takes
-    timeout: float = Field(default=60.0, gt=0)
+    timeout: float = Field(default=60.0, gt=0, allow_inf_nan=False)
     memory: float = Field(default=8.0, gt=0, le=2**20)
     jobs: int = Field(default=1, ge=1)
     threads: int = Field(default=1, ge=1)

@@ -136,6 +136,10 @@ def test_bad_depth_frames(tmp_path, capsys, kind):
         ("method = 'identity'\nlimit = 'many'", "limit"),
         ("method = 'identity'\nrepeat = 0", "repeat"),
         ("method = 'identity'\ntimeout = -1.0", "timeout"),
+        ("method = 'identity'\ntimeout = inf", "timeout"),
+        ("method = 'identity'\nmemory = inf", "memory"),
+        ("method = 'identity'\nmemory = 1" + "0" * 400, "memory"),
+        ("method = 'identity'\ntimeout = true", "timeout"),
     ],
 )
 def test_bad_configuration(tmp_path, capsys, text, words):
