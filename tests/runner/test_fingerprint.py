@@ -23,7 +23,7 @@ class Mine:
 
 
 def fingerprint(path, asked="mine"):
-    for name in [name for name in sys.modules if name.startswith(("regbench_plugin_", "helper_of_plugin"))]:
+    for name in [name for name in sys.modules if name.startswith(("regbench_plugin_mine_", "helper_of_plugin"))]:
         del sys.modules[name]
     from regbench.runner import fingerprint as module
 
