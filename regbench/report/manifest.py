@@ -10,15 +10,21 @@ from typing import Any
 
 from regbench.errors import UserError
 
+SETTINGS = ("seed", "threads", "device")
+
 
 @dataclass(frozen=True)
 class MethodInfo:
-    """A method of a run: its name as asked for, its kind, and the hash that says which rows are its own."""
+    """A method of a run: its name as asked for, its kind, the hash that says which rows are its own, and its settings.
+
+    Settings are what of a run's options changes answers or times: seed, threads, device, in words.
+    """
 
     method: str
     kind: str
     sees_ground_truth: bool
     fingerprint: str
+    settings: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,9 +90,13 @@ def read_manifest(run_dir: Path) -> Manifest:
 
 
 def _parse(content: Mapping[str, Any]) -> Manifest:
+    rows, config = content["methods"], content["config"]
+    settings = ", ".join(f"{option} {config[option]}" for option in SETTINGS if option in config)
     methods = {
-        row["method"]: MethodInfo(row["method"], row["kind"], bool(row["sees_ground_truth"]), row["fingerprint"])
-        for row in content["methods"]
+        row["method"]: MethodInfo(
+            row["method"], row["kind"], bool(row["sees_ground_truth"]), row["fingerprint"], settings
+        )
+        for row in rows
     }
     protocols = {
         row["id"]: ProtocolInfo(
@@ -104,4 +114,4 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
     }
     hardware = content["hardware"]
     machine = f"{hardware['cpu']}, {hardware['cores']} cores"
-    return Manifest(methods, protocols, int(content["config"].get("repeat", 1)), machine)
+    return Manifest(methods, protocols, int(config.get("repeat", 1)), machine)

@@ -16,7 +16,8 @@ def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
     Args:
         run_dirs: At least one.
         mixed: Let stand side by side what does not compare: protocols of one name but different content or version,
-            methods of one name but different fingerprint. Names that would then be the same get a part of their hash.
+            methods of one name but different fingerprint or, on one protocol, other seed, threads or device. Names
+            that would then be the same get a part of their hash, or their settings.
 
     Raises:
         UserError: As read_run; or the runs do not compare and `mixed` is not set.
@@ -43,6 +44,7 @@ def _refuse_mixture(groups: Sequence[Group]) -> None:
     _refuse("protocol", groups, lambda g: g.protocol.name, lambda g: g.protocol.id)
     _refuse("protocol", groups, lambda g: g.protocol.id, lambda g: f"content {g.protocol.sha256[:8]}")
     _refuse("method", groups, lambda g: g.method.method, lambda g: f"fingerprint {g.method.fingerprint[:8]}")
+    _refuse("method", groups, lambda g: f"{g.method.method} on {g.protocol.id}", lambda g: g.method.settings)
 
 
 def _refuse(what: str, groups: Sequence[Group], name: Callable[[Group], str], identity: Callable[[Group], str]) -> None:
@@ -65,7 +67,7 @@ def _merged(groups: Sequence[Group]) -> list[Group]:
     for group in groups:
         content = (group.protocol.id, group.protocol.sha256)
         most[content] = max(most.get(content, 0), group.protocol.n)
-        key = (*content, group.method.method, group.method.fingerprint)
+        key = (*content, group.method.method, group.method.fingerprint, group.method.settings)
         joined[key] = _joined(joined[key], group) if key in joined else group
     return [
         replace(group, protocol=replace(group.protocol, n=most[group.protocol.id, group.protocol.sha256]))
@@ -83,11 +85,13 @@ def _joined(first: Group, second: Group) -> Group:
 
 
 def _named_apart(groups: Sequence[Group]) -> list[Group]:
-    """Add a part of the hash to protocols and methods that stand for more than one thing."""
+    """Add a part of the hash, or the settings, to protocols and methods that stand for more than one thing."""
     hashes: dict[str, set[str]] = {}
+    settings: dict[str, set[str]] = {}
     for group in groups:
         hashes.setdefault(group.protocol.id, set()).add(group.protocol.sha256)
         hashes.setdefault(group.method.method, set()).add(group.method.fingerprint)
+        settings.setdefault(f"{group.method.method} on {group.protocol.id}", set()).add(group.method.settings)
     named = []
     for group in groups:
         protocol, method = group.protocol, group.method
@@ -95,5 +99,7 @@ def _named_apart(groups: Sequence[Group]) -> list[Group]:
             protocol = replace(protocol, label=f"{protocol.id}#{protocol.sha256[:8]}")
         if len(hashes[method.method]) > 1:
             method = replace(method, method=f"{method.method}#{method.fingerprint[:8]}")
+        if len(settings[f"{group.method.method} on {protocol.id}"]) > 1:
+            method = replace(method, method=f"{method.method} ({method.settings})")
         named.append(replace(group, protocol=protocol, method=method))
     return named

@@ -68,13 +68,13 @@ def row(method, protocol, problem, T=None, *, status="ok", repeat=0, time_ms=Non
     }
 
 
-def write_run(folder, methods, protocols, rows, *, repeat=1, cpu="Test CPU"):
+def write_run(folder, methods, protocols, rows, *, repeat=1, cpu="Test CPU", seed=0, threads=1):
     """Write a run folder and return its path."""
     folder.mkdir(parents=True, exist_ok=True)
     manifest = {
         "regbench_version": "0.1.0",
         "command": ["regbench", "run"],
-        "config": {"repeat": repeat},
+        "config": {"repeat": repeat, "seed": seed, "threads": threads, "device": "cpu"},
         "seed": 0,
         "hardware": {"hostname": "host", "cpu": cpu, "cores": 2},
         "methods": methods,

@@ -59,6 +59,26 @@ def test_what_does_not_compare_is_refused_unless_mixed(tmp_path, other_protocol,
     assert len({(row["method"], row["protocol"]) for row in rows}) == 2
 
 
+@pytest.mark.parametrize("setting", ["seed", "threads"])
+def test_one_method_with_other_settings_is_not_overwritten(tmp_path, setting):
+    """Half of the trials of one run under half of another's would be a row that nobody ran."""
+    runs = [
+        run_of(tmp_path / "a", [method("icp")], protocol("demo@1", TRUTHS), answer=[motion()] * 3),
+        run_of(tmp_path / "b", [method("icp")], protocol("demo@1", TRUTHS, n=2), **{setting: 2}),
+    ]
+    with pytest.raises(UserError, match=rf"'icp on demo@1' is .*in .*a and .*{setting} 2.* in .*b.*do not compare"):
+        read_runs(runs)
+    rows = summarise(read_runs(runs, mixed=True))
+    assert [(row["n"], row["rre_mean_deg"]) for row in rows] == [(3, pytest.approx(20)), (2, pytest.approx(0))]
+    assert all(name in row["method"] for row, name in zip(rows, (f"{setting} ", f"{setting} 2"), strict=True))
+
+
+def test_other_settings_on_another_protocol_are_no_clash(tmp_path):
+    runs = [run_of(tmp_path / "a", [method("icp")], protocol("demo@1", TRUTHS))]
+    runs += [run_of(tmp_path / "b", [method("icp")], protocol("other@1", TRUTHS), seed=1)]
+    assert [row["method"] for row in summarise(read_runs(runs))] == ["icp", "icp"]
+
+
 def test_mixed_content_of_one_protocol_stays_in_sections_of_its_own(tmp_path):
     protocols = [protocol("demo@1", TRUTHS), protocol("demo@1", TRUTHS, data="other")]
     runs = [run_of(tmp_path / str(i), [method("icp")], p) for i, p in enumerate(protocols)]
