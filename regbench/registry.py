@@ -94,16 +94,24 @@ def parse_methods(texts: Iterable[str]) -> list[MethodSpec]:
     Raises:
         UserError: The text does not follow the grammar, or names the same method twice.
     """
-    specs: list[MethodSpec] = []
-    for text in texts:
-        for item in re.split(r",(?![^\[]*\])", text):
-            specs.extend(_parse_method(item.strip()))
+    specs = [spec for item in split_names(texts) or [] for spec in _parse_method(item)]
     if not specs:
         raise UserError("no method given; `regbench ls methods` lists them")
     twice = {spec.asked for spec in specs if sum(other.asked == spec.asked for other in specs) > 1}
     if twice:
         raise UserError(f"method '{min(twice)}' is asked for twice")
     return specs
+
+
+def split_names(texts: Iterable[str] | None) -> list[str] | None:
+    """Split requests at commas outside brackets; `pairs:DIR` is left whole, for a folder's name may hold commas."""
+    if texts is None:
+        return None
+    return [
+        name.strip()
+        for text in texts
+        for name in ([text] if text.startswith("pairs:") else re.split(r",(?![^\[]*\])", text))
+    ]
 
 
 def _parse_method(text: str) -> list[MethodSpec]:

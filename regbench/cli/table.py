@@ -19,14 +19,15 @@ def table(
     metric: Annotated[
         list[str] | None, typer.Option(help="Metrics, see `regbench ls metrics`; may be repeated.")
     ] = None,
-    protocol: Annotated[list[str] | None, typer.Option(help="Only these protocols; may be repeated.")] = None,
-    method: Annotated[list[str] | None, typer.Option(help="Only these methods; may be repeated.")] = None,
+    protocol: Annotated[list[str] | None, typer.Option(help="Only these protocols.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
     mixed: Annotated[bool, typer.Option(help="Put rows of different protocol versions or data together.")] = False,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Write to this file.")] = None,
     data: Data = None,
 ) -> None:
     """Print the table of a run."""
     from regbench.files import write_atomically
+    from regbench.registry import split_names
     from regbench.report.table import render
     from regbench.runner.rundir import find_run
 
@@ -34,9 +35,9 @@ def table(
         [find_run(path) for path in runs] if runs else [find_run(None)],
         format=format,
         paper=paper,
-        metrics=metric,
-        protocols=protocol,
-        methods=method,
+        metrics=split_names(metric),
+        protocols=split_names(protocol),
+        methods=split_names(method),
         mixed=mixed,
         data_dir=data,
     )

@@ -43,13 +43,15 @@ def transform(T: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
 def why_not_rigid(T: object, tolerance: float = RIGID_TOLERANCE) -> str | None:
     """Say in words why a value is not a (4, 4) rigid motion, or return None if it is one."""
     try:
-        matrix = np.asarray(T, dtype=np.float64)
+        matrix = np.asarray(T)
     except (TypeError, ValueError, RuntimeError):  # RuntimeError: a torch tensor that requires a gradient
         return f"not a matrix of numbers: {type(T).__name__}"
+    if matrix.dtype.kind not in "fiu":
+        return f"not a matrix of numbers: {type(T).__name__} ({matrix.dtype})"
     if matrix.shape != (4, 4):
         return f"shape {matrix.shape}, expected (4, 4)"
     # Plain floats from here: on 16 numbers they are several times faster than NumPy, and this is part of every trial.
-    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = rows = matrix.tolist()
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = rows = matrix.astype(np.float64).tolist()
     if not all(math.isfinite(value) for row in rows for value in row):
         return "has values that are not finite"
     if max(abs(value - expected) for value, expected in zip(last, (0, 0, 0, 1), strict=True)) > tolerance:

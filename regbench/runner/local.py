@@ -209,4 +209,6 @@ class _Lane:
             "protocol_sha256": protocol.sha256,
             "host": self._host,
             "cores": list(self._cores),
+            "timeout_s": self._plan.config.timeout,
+            "memory_gb": self._plan.config.memory,
         }

@@ -128,6 +128,9 @@ class WorkerProcess:
             timeout_s: Seconds that it may take.
         """
         if request["protocol"] not in self._warm:
+            reply = self._ask({"do": "open", **request}, limit_s=PREPARE_LIMIT_S)
+            if reply["status"] != "ok":
+                return reply | {"error": f"while its data were opened: {reply['error']}"}
             reply = self._ask({"do": "warm_up", **request}, limit_s=timeout_s)
             if reply["status"] != "ok":
                 return reply | {"error": f"while it warmed up: {reply['error']}"}

@@ -14,7 +14,7 @@ import numpy as np
 from regbench.datasets.store import data_dir
 from regbench.errors import UserError
 from regbench.protocols.protocol import ProblemSet
-from regbench.registry import MethodRegistry, find_protocol, parse_methods
+from regbench.registry import MethodRegistry, find_protocol, parse_methods, split_names
 from regbench.runner import manifest, rundir
 from regbench.runner.executor import find_executor
 from regbench.runner.journal import Journal, Row, read_rows
@@ -60,7 +60,7 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
             progress.note(
                 f"{run_dir.trials}: a torn last line of {journal.torn_bytes} bytes was cut; its trial runs again"
             )
-        done = {row["key"] for row in read_rows(run_dir.trials) if row.get("status") != Status.MISSING}
+        done = {row["key"] for row in read_rows(run_dir.trials) if _stands(row, config)}
         description = rundir.merge_manifest(run_dir, manifest.describe(plan, list(command)))
         rundir.write_problems(run_dir, plan, truths)
         manifest.write(run_dir.manifest, description)
@@ -71,6 +71,18 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
         description["finished"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         manifest.write(run_dir.manifest, description)
     return run_dir
+
+
+def _stands(row: Row, config: RunConfig) -> bool:
+    """Whether a trial with this row need not run again: what was missing does, and what ran out of less than now."""
+    match row.get("status"):
+        case Status.MISSING:
+            return False
+        case Status.TIMEOUT:
+            return bool(row.get("timeout_s", config.timeout) >= config.timeout)
+        case Status.OOM:
+            return bool(row.get("memory_gb", config.memory) >= config.memory)
+    return True
 
 
 def _tallies(plan: Plan, done: set[str]) -> dict[str, Tally]:
@@ -101,7 +113,7 @@ def make_plan(config: RunConfig) -> tuple[Plan, dict[str, list[dict[str, Any]]]]
     methods = [plan_method(registry.resolve(spec)) for spec in parse_methods(config.method)]
     folder = data_dir(Path(config.data) if config.data else None)
     protocols, truths = [], {}
-    for text in _split(config.protocol):
+    for text in split_names(config.protocol) or []:
         protocol = find_protocol(text)
         if protocol.id in truths:
             raise UserError(f"protocol '{protocol.id}' is asked for twice")
@@ -123,16 +135,6 @@ def survey(protocol_id: str, problems: ProblemSet) -> tuple[str, list[dict[str, 
         answer = {"T_target_source": truth, "label": pair.label, "id": pair.id}
         truths.append({"protocol": protocol_id, "problem": index, **answer})
     return digest.hexdigest(), truths
-
-
-def _split(texts: Sequence[str]) -> list[str]:
-    """Split comma-separated names; a folder of pairs may hold commas, so it is left alone."""
-    return [
-        name.strip()
-        for text in texts
-        for name in ([text] if text.startswith("pairs:") else text.split(","))
-        if name.strip()
-    ]
 
 
 def _check_device(device: str) -> None:

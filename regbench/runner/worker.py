@@ -40,7 +40,7 @@ def main() -> None:
             request = json.loads(connection.recv_bytes())
         except (EOFError, OSError):
             return
-        answer = worker.warm_up(request) if request["do"] == "warm_up" else worker.trial(request)
+        answer = getattr(worker, request["do"])(request)
         if os.getpid() != process_id:
             os._exit(0)  # a child that a method forked and let return: two must not answer
         connection.send_bytes(json.dumps(answer, allow_nan=False).encode())
@@ -110,10 +110,17 @@ class Worker:
         found: Callable[..., Any] = getattr(self._method, name, defaults[name])
         return found
 
+    def open(self, request: Message) -> Message:
+        """Open a protocol's data, in no trial's time."""
+        try:
+            protocol = request["protocol"]
+            self._protocols[protocol] = _open(protocol, self._setup, request["data_sha256"])
+        except Exception as error:  # noqa: BLE001 - whatever data files do
+            return failure(error)
+        return {"status": "ok"}
+
     def _problem(self, request: Message) -> tuple[Problem, Pair]:
         protocol = request["protocol"]
-        if protocol not in self._protocols:
-            self._protocols[protocol] = _open(protocol, self._setup, request["data_sha256"])
         _seed_global_generators(request["seed"])
         return self._protocols[protocol].problem(
             request["problem"],
@@ -128,7 +135,7 @@ class Worker:
         """Let the method run once outside the clock. What it raises here it will raise, and report, in the trial."""
         try:
             problem, _ = self._problem(request)
-            if self._optional("skip")(problem) is None and not self._sees_ground_truth():
+            if not self._optional("skip")(problem) and not self._sees_ground_truth():
                 self._optional("warm_up")(problem)
         except Exception as error:  # noqa: BLE001 - see above
             if isinstance(error, MemoryError):
@@ -149,9 +156,9 @@ class Worker:
             reason = self._optional("skip")(problem)
         except Exception as error:  # noqa: BLE001 - whatever a method or a data file does
             return failure(error)
-        if reason is None and self._sees_ground_truth() and pair.T_target_source is None:
+        if not reason and self._sees_ground_truth() and pair.T_target_source is None:
             reason = "nobody knows this problem's ground truth"
-        if reason is not None:
+        if reason:
             return {"status": "skipped", "error": str(reason)[:500]}
         clock = Clock(self._synchronise)
         try:

@@ -97,7 +97,9 @@ class NeedsGradient:
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (None, "shape ()"),
+        (None, "not a matrix of numbers: NoneType"),
+        (np.eye(4) * 1j, "not a matrix of numbers: ndarray (complex128)"),
+        (np.eye(4).astype(str), "not a matrix of numbers"),
         ("abc", "not a matrix of numbers: str"),
         (object(), "not a matrix of numbers: object"),
         (NeedsGradient(), "not a matrix of numbers: NeedsGradient"),

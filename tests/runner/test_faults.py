@@ -112,3 +112,13 @@ def test_missing_trials_run_again_once_the_package_is_there(tmp_path):
     run_here(tmp_path, method=["needs"], limit=2)
     _, progress = run_here(tmp_path, method=["needs"], limit=2)
     assert progress.done == 0
+
+
+def test_what_ran_out_of_time_runs_again_with_more_and_not_with_the_same(tmp_path):
+    rows, _ = run_here(tmp_path, method=["sleeps"], limit=2, timeout=0.3)
+    assert "timeout" in {row["status"] for row in rows}
+    late = sum(row["status"] == "timeout" for row in rows)
+    _, same = run_here(tmp_path, method=["sleeps"], limit=2, timeout=0.3)
+    assert same.done == 2
+    _, more = run_here(tmp_path, method=["sleeps"], limit=2, timeout=0.4)
+    assert more.done == 2 - late
