@@ -14,9 +14,9 @@ PROBLEMS = 6
 # What is expected of the trials with an odd seed: status, and words of the error.
 EXPECTED = {
     "raises": ("error", "RuntimeError: on purpose"),
-    "sleeps": ("timeout", "no answer after 2 s"),
-    "ignores_sigterm": ("timeout", "no answer after 2 s"),
-    "spins": ("timeout", "no answer after 2 s"),
+    "sleeps": ("timeout", "no answer after 3 s"),
+    "ignores_sigterm": ("timeout", "no answer after 3 s"),
+    "spins": ("timeout", "no answer after 3 s"),
     "segfaults": ("crashed", "SIGSEGV"),
     "exits": ("error", "SystemExit: enough"),
     "exits_hard": ("crashed", "exit code 3"),
@@ -35,7 +35,7 @@ EXPECTED = {
 def outcome(tmp_path_factory):
     out = tmp_path_factory.mktemp("faults")
     start = time.monotonic()
-    rows, _ = run_here(out, method=[",".join([*EXPECTED, "good"])], limit=PROBLEMS, timeout=2.0, memory=0.3)
+    rows, _ = run_here(out, method=[",".join([*EXPECTED, "good"])], limit=PROBLEMS, timeout=3.0, memory=0.3)
     by_method = defaultdict(list)
     for row in rows:
         by_method[row["method"]].append(row)
@@ -66,7 +66,7 @@ def test_the_method_beside_them_is_untouched(outcome):
 def test_time_of_a_timed_out_trial_is_kept(outcome):
     _, by_method, _ = outcome
     times = [row["time_ms"] for row in by_method["sleeps"] if row["status"] == "timeout"]
-    assert all(2000 <= time_ms < 5000 for time_ms in times)
+    assert all(3000 <= time_ms < 6000 for time_ms in times)
 
 
 def test_megabytes_of_output_are_cut_in_the_log(outcome):
