@@ -62,7 +62,11 @@ def measure(folder, protocol, limit, jobs=1):
     """Return milliseconds between rows less the method's own time (median), and trials per second."""
     watch = Stopwatch()
     config = RunConfig(
-        method=["nothing"], protocol=[protocol], limit=limit, jobs=jobs, plugin=[str(folder / "nothing.py")],
+        method=["nothing"],
+        protocol=[protocol],
+        limit=limit,
+        jobs=jobs,
+        plugin=[str(folder / "nothing.py")],
         out=str(folder / f"run-{protocol.replace('/', '_')[-20:]}-{jobs}"),
     )
     run(config, command=["bench_runner"], progress=watch)
