@@ -1,4 +1,4 @@
-"""The paper's model: encoder, decoder, transformation and evaluation networks together."""
+"""The two models: the paper's four networks together, and the equivariant one."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from regbench.learning.edge_convolution import Normalisation
 from .decoder import FoldingDecoder, MlpDecoder
 from .dynamics import EvaluationNetwork, TransformationNetwork, learned_reward
 from .encoder import DgcnnEncoder, FoldingEncoder
+from .equivariant import VectorEncoder, VectorState, latent_distance_reward
+from .pair_evaluation import PairEvaluation
 from .planner import Reward
 
 
@@ -61,6 +63,33 @@ class LatentModel(nn.Module):
         latents: Tensor = self.encoder(clouds)
         return latents
 
-    def reward(self, source: Tensor, target: Tensor) -> Reward:
-        """Return the planner's reward for P pairs of clouds, (P, N, 3) and (P, M, 3)."""
-        return learned_reward(self.transformation, self.evaluation, self.encode(source), self.encode(target))
+    def reward(self, z_source: Tensor, z_target: Tensor) -> Reward:
+        """Return the planner's reward for P pairs of latent states, (P, 512) each."""
+        return learned_reward(self.transformation, self.evaluation, z_source, z_target)
+
+
+class EquivariantModel(nn.Module):
+    """Vectors that turn with the cloud; the transformation network is the rotation itself. Works in float64.
+
+    Clouds enter centred, in units of the target's extent.
+
+    Args:
+        encoder: Untrained as it is built.
+        evaluation: Learned d; without it, d is the squared distance of the latent states.
+    """
+
+    def __init__(self, encoder: VectorEncoder, evaluation: PairEvaluation | None = None) -> None:
+        super().__init__()
+        self.encoder = encoder
+        self.evaluation = evaluation
+
+    def encode(self, clouds: Tensor) -> VectorState:
+        """Map (B, N, 3) float64 clouds to their latent states."""
+        state: VectorState = self.encoder(clouds)
+        return state
+
+    def reward(self, z_source: VectorState, z_target: VectorState) -> Reward:
+        """Return the planner's reward for P pairs of latent states."""
+        if self.evaluation is None:
+            return latent_distance_reward(z_source, z_target)
+        return self.evaluation.reward(z_source, z_target)

@@ -20,7 +20,7 @@ class Plan:
     Attributes:
         means: (T + 1, P, 6), from mu_0 to mu_T.
         deviations: (T + 1, P, 6), from sigma_0 to sigma_T.
-        elites: (P, K, 6), the K best actions of the last iteration, best first; (P, 0, 6) where T = 0.
+        elites: (T, P, K, 6), the K best actions of every iteration, best first.
     """
 
     means: Tensor
@@ -64,7 +64,7 @@ def plan(
         raise ValueError(f"the planner needs 1 <= K <= N and T >= 0, got K={elites}, N={candidates}, T={iterations}")
     if mean.shape != deviation.shape or len(generators) != len(mean):
         raise ValueError(f"{len(generators)} generators for means {tuple(mean.shape)}, sigmas {tuple(deviation.shape)}")
-    means, deviations, best = [mean], [deviation], mean.new_empty((len(mean), 0, mean.shape[1]))
+    means, deviations, chosen = [mean], [deviation], []
     for _ in range(iterations):
         draws = torch.stack([torch.randn(candidates, mean.shape[1], generator=each) for each in generators])
         actions = means[-1][:, None, :] + deviations[-1][:, None, :] * draws.to(mean)
@@ -73,10 +73,12 @@ def plan(
             raise ValueError("the planner's rewards are not finite")
         winners = rewards.topk(elites, dim=1).indices
         best = actions.gather(1, winners[:, :, None].expand(-1, -1, mean.shape[1]))
+        chosen.append(best)
         # Eq. 9: mean and variance of the elites, both with 1/K.
         means.append(best.mean(dim=1))
         deviations.append(best.std(dim=1, correction=0))
-    return Plan(torch.stack(means), torch.stack(deviations), best)
+    every = torch.stack(chosen) if chosen else mean.new_empty((0, len(mean), elites, mean.shape[1]))
+    return Plan(torch.stack(means), torch.stack(deviations), every)
 
 
 def generators_of(seeds: Sequence[int]) -> list[torch.Generator]:

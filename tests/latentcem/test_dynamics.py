@@ -23,4 +23,5 @@ def test_every_configuration_can_be_built_and_asked():
         for decoder in ("folding", "mlp"):
             model = LatentModel(Configuration(encoder=encoder, decoder=decoder, width=32))
             assert model.decoder(model.encode(clouds)).shape == (2, 784, 3)
-            assert model.reward(clouds, clouds)(torch.zeros(2, 5, 6)).shape == (2, 5)
+            z = model.encode(clouds)
+            assert model.reward(z, z)(torch.zeros(2, 5, 6)).shape == (2, 5)

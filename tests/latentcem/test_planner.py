@@ -42,7 +42,7 @@ def test_elites_mean_and_deviation_by_hand():
         return torch.tensor([[8.0, 1.0, 9.0, 7.0]])
 
     found = run(reward, T=1, N=4, K=3)
-    assert found.elites[0, :, 0].tolist() == [5, 1, 3]  # best first
+    assert found.elites[0, 0, :, 0].tolist() == [5, 1, 3]  # best first
     torch.testing.assert_close(found.means[1], torch.full((1, 6), 3.0))
     torch.testing.assert_close(found.deviations[1], torch.full((1, 6), (8 / 3) ** 0.5))
 
@@ -78,7 +78,7 @@ def test_the_next_candidates_follow_the_elites():
 def test_no_iteration_answers_the_starting_mean():
     found = run(lambda a: a[:, :, 0], ONE, T=0)
     assert torch.equal(found.actions, ONE)
-    assert found.elites.shape == (1, 0, 6)
+    assert found.elites.shape == (0, 1, 25, 6)
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
@@ -103,7 +103,7 @@ def test_a_batch_equals_singles():
     for p in range(3):
         single = run(reward_of(optima[p : p + 1]), means[p : p + 1], seeds=(4 + p,))
         assert torch.equal(single.means[:, 0], batch.means[:, p])
-        assert torch.equal(single.elites[0], batch.elites[p])
+        assert torch.equal(single.elites[:, 0], batch.elites[:, p])
 
 
 def test_rewards_that_are_not_finite_are_refused():
