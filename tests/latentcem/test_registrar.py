@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -118,3 +120,8 @@ def test_a_card_of_another_kind_is_named(weights):
     card_path(weights).write_text(json.dumps({**card, "configuration": {"layers": 3}}))
     with pytest.raises(UserError, match=r"modelnet40\.safetensors: the model card's 'configuration' is not"):
         LatentCem().prepare()
+
+
+def test_reading_the_module_loads_no_torch():
+    code = "import sys, regbench_latentcem.registrar; print('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
