@@ -1,0 +1,95 @@
+"""The two models: the paper's four networks together, and the equivariant one."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from torch import Tensor, nn
+
+from regbench.learning.edge_convolution import Normalisation
+
+from .decoder import FoldingDecoder, MlpDecoder
+from .dynamics import EvaluationNetwork, TransformationNetwork, learned_reward
+from .encoder import DgcnnEncoder, FoldingEncoder
+from .equivariant import VectorEncoder, VectorState, latent_distance_reward
+from .pair_evaluation import PairEvaluation
+from .planner import Reward
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What the networks are made by; stored in the model card.
+
+    Attributes:
+        encoder: "dgcnn" or "folding" (the paper's Table 2).
+        decoder: "folding" or "mlp".
+        neighbours: k of DGCNN's graphs.
+        normalisation: Of the DGCNN encoder.
+        width: Hidden width of f and d.
+    """
+
+    encoder: Literal["dgcnn", "folding"] = "dgcnn"
+    decoder: Literal["folding", "mlp"] = "folding"
+    neighbours: int = 20
+    normalisation: Normalisation = "none"
+    width: int = 512
+
+    def as_card(self) -> dict[str, Any]:
+        """Return the configuration as JSON can hold it."""
+        return asdict(self)
+
+
+class LatentModel(nn.Module):
+    """The four networks. Clouds enter centred, in units of the target's extent.
+
+    Args:
+        configuration: What to build.
+    """
+
+    def __init__(self, configuration: Configuration = Configuration()) -> None:
+        super().__init__()
+        self.encoder: nn.Module = (
+            DgcnnEncoder(k=configuration.neighbours, normalisation=configuration.normalisation)
+            if configuration.encoder == "dgcnn"
+            else FoldingEncoder()
+        )
+        self.decoder: nn.Module = FoldingDecoder() if configuration.decoder == "folding" else MlpDecoder()
+        self.transformation = TransformationNetwork(width=configuration.width)
+        self.evaluation = EvaluationNetwork(width=configuration.width)
+
+    def encode(self, clouds: Tensor) -> Tensor:
+        """Map (B, N, 3) clouds to (B, 512) latent states."""
+        latents: Tensor = self.encoder(clouds)
+        return latents
+
+    def reward(self, z_source: Tensor, z_target: Tensor) -> Reward:
+        """Return the planner's reward for P pairs of latent states, (P, 512) each."""
+        return learned_reward(self.transformation, self.evaluation, z_source, z_target)
+
+
+class EquivariantModel(nn.Module):
+    """Vectors that turn with the cloud; the transformation network is the rotation itself. Works in float64.
+
+    Clouds enter centred, in units of the target's extent.
+
+    Args:
+        encoder: Untrained as it is built.
+        evaluation: Learned d; without it, d is the squared distance of the latent states.
+    """
+
+    def __init__(self, encoder: VectorEncoder, evaluation: PairEvaluation | None = None) -> None:
+        super().__init__()
+        self.encoder = encoder
+        self.evaluation = evaluation
+
+    def encode(self, clouds: Tensor) -> VectorState:
+        """Map (B, N, 3) float64 clouds to their latent states."""
+        state: VectorState = self.encoder(clouds)
+        return state
+
+    def reward(self, z_source: VectorState, z_target: VectorState) -> Reward:
+        """Return the planner's reward for P pairs of latent states."""
+        if self.evaluation is None:
+            return latent_distance_reward(z_source, z_target)
+        return self.evaluation.reward(z_source, z_target)

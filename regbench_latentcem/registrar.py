@@ -1,0 +1,182 @@
+"""LatentCEM as a method of regbench."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.contract import Problem, Registrar, Registration
+from regbench.geometry.local_frame import LocalFrame
+from regbench.geometry.se3 import se3
+
+if TYPE_CHECKING:
+    from .planner import Plan
+
+
+class LatentCem(Registrar):
+    """Registration by planning with a latent dynamic model (Jiang et al., IJCAI 2021).
+
+    Both clouds are centred and measured in extents of the target; the planner (Algorithm 1) searches a rotation and
+    a small remaining translation there.
+
+    Args:
+        model: "paper", the learned networks; or "equivariant", whose latent state turns with the cloud, so that the
+            transformation network is exact. The latter is untrained: d is the distance of the latent states.
+        weights: Name of the learned weights in this package, for "paper".
+        refine: What follows the planner: "none"; "icp"; or "verify": several planners, whose answers and elites are
+            ranked by the true Chamfer distance, the best ones refined by ICP, and the one of least Chamfer distance
+            answered, with minus that distance (in extents of the target) as its `confidence`.
+        start: The planner's first mean: "centroid" (no rotation, centroids matched), "prior" (the mean rotation that
+            the protocol discloses), or "closed_form" (Kabsch on the latent states; for "equivariant"). A start that
+            the problem gives replaces "centroid".
+        T: Iterations of the planner. With 0 its answer is the start.
+        N: Candidates in an iteration.
+        K: Elites among them.
+        sigma0_rad: First standard deviation of the three angles. The paper does not say; CEMNet's.
+        sigma0_translation: First standard deviation of the translation, in extents of the target. Likewise.
+        restarts: Planners of refine=verify, each with random draws of its own.
+        icp_iterations: Most iterations of ICP.
+    """
+
+    name = "latentcem"
+    kind = "learned"
+    requires = ("torch", "safetensors")
+    presets: ClassVar = {"paper": {"model": "paper", "refine": "none", "T": 10, "N": 1000, "K": 25}}
+    _networks: Any = None
+
+    def __init__(
+        self,
+        *,
+        model: Literal["paper", "equivariant"] = "paper",
+        weights: str = "modelnet40",
+        refine: Literal["none", "icp", "verify"] = "none",
+        start: Literal["centroid", "prior", "closed_form"] = "centroid",
+        T: int = 10,
+        N: int = 1000,
+        K: int = 25,
+        sigma0_rad: float = 1.0,
+        sigma0_translation: float = 0.5,
+        restarts: int = 4,
+        icp_iterations: int = 100,
+    ) -> None:
+        self.model = model
+        self.weights = weights
+        self.refine = refine
+        self.start = start
+        self.T = T
+        self.N = N
+        self.K = K
+        self.sigma0_rad = sigma0_rad
+        self.sigma0_translation = sigma0_translation
+        self.restarts = restarts
+        self.icp_iterations = icp_iterations
+
+    def prepare(self) -> None:
+        """Load the networks.
+
+        Raises:
+            UserError: The weights are missing, damaged, or of another model; or start=closed_form for "paper".
+        """
+        from regbench.errors import UserError
+
+        from .loading import load_paper_model, untrained_equivariant_model
+
+        if self.model == "paper" and self.start == "closed_form":
+            raise UserError("latentcem: start=closed_form needs model=equivariant; the paper's latent state has none")
+        networks = load_paper_model(self.weights) if self.model == "paper" else untrained_equivariant_model()
+        self._networks = networks.eval().requires_grad_(False)
+
+    def skip(self, problem: Problem) -> str | None:
+        """Decline problems without a motion prior if the start is taken from it."""
+        if self.start == "prior" and problem.motion_prior is None:
+            return "start=prior needs a motion prior, and the protocol discloses none"
+        return None
+
+    def register(self, problem: Problem) -> Registration:
+        """Estimate T_target_source.
+
+        Raises:
+            ValueError: A cloud has no points, T, N and K do not fit together, or there is no prior to start from.
+            UserError: As `prepare`.
+        """
+        if self._networks is None:
+            self.prepare()
+        frame = LocalFrame.of(problem)
+        times = [time.perf_counter()]
+        z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
+        times.append(time.perf_counter())
+        found = self._plan(z_source, z_target, self._start(problem, frame, z_source, z_target), problem.seed)
+        times.append(time.perf_counter())
+        T_local, confidence = self._refine(found, frame)
+        times.append(time.perf_counter())
+        return Registration(
+            T_target_source=frame.from_local(T_local),
+            iterations=self.T,
+            confidence=confidence,
+            stages_s=dict(zip(("encode", "plan", "refine"), np.diff(times).tolist(), strict=True)),
+        )
+
+    def _encode(self, cloud: NDArray[np.float64], device: str) -> Any:
+        """Return the latent state of one (N, 3) cloud, as a batch of one."""
+        import torch
+
+        networks = self._networks.to(device)
+        dtype = next(networks.parameters()).dtype
+        return networks.encode(torch.tensor(cloud, dtype=dtype, device=device)[None])
+
+    def _start(self, problem: Problem, frame: LocalFrame, z_source: Any, z_target: Any) -> NDArray[np.float64]:
+        """Return the planner's first mean as a (4, 4) motion in the local frame."""
+        if self.start == "closed_form":
+            from .equivariant import closed_form
+
+            rotations, translations = closed_form(z_source, z_target)
+            return se3(rotations[0].cpu().numpy(), translations[0].cpu().numpy())
+        if self.start == "prior":
+            if problem.motion_prior is None:
+                raise ValueError("start=prior needs a motion prior, and the problem discloses none")
+            return se3(problem.motion_prior.mean_T_target_source()[:3, :3], np.zeros(3))
+        return np.eye(4) if problem.init_T_target_source is None else frame.to_local(problem.init_T_target_source)
+
+    def _plan(self, z_source: Any, z_target: Any, start: NDArray[np.float64], seed: int) -> Plan:
+        """Run the planner; for refine=verify several of them, the first as it is alone."""
+        import torch
+
+        from .actions import action_of
+        from .planner import generators_of, plan
+
+        seeds = [seed]
+        if self.refine == "verify":
+            seeds += np.random.SeedSequence(seed).generate_state(self.restarts - 1).tolist()
+        parameter = next(self._networks.parameters())
+        sigma0 = [self.sigma0_rad] * 3 + [self.sigma0_translation] * 3
+        return plan(
+            self._networks.reward(z_source, z_target),
+            torch.tensor(action_of(start)).to(parameter).repeat(len(seeds), 1),
+            torch.tensor(sigma0).to(parameter).repeat(len(seeds), 1),
+            iterations=self.T,
+            candidates=self.N,
+            elites=self.K,
+            generators=generators_of(seeds),
+        )
+
+    def _refine(self, found: Plan, frame: LocalFrame) -> tuple[NDArray[np.float64], float | None]:
+        """Return the answer in the local frame, and the confidence in it if there is one."""
+        from regbench.geometry.icp import icp
+
+        from .actions import motion_of
+        from .refinement import verified
+
+        answers = [motion_of(action) for action in found.actions.cpu().numpy()]
+        if self.refine == "none":
+            return answers[0], None
+        if self.refine == "icp":
+            result = icp(frame.source, frame.target, answers[0], max_iterations=self.icp_iterations)
+            return result.T_target_source, None
+        # The first iteration's best are the most different from the answers.
+        early = found.elites[:1, :, :1].reshape(-1, found.elites.shape[3]).cpu().numpy()
+        candidates = answers + [motion_of(action) for action in early]
+        T_local, chamfer = verified(candidates, frame.source, frame.target, self.icp_iterations)
+        return T_local, -chamfer
