@@ -16,6 +16,7 @@ from regbench.datasets.readers.png import read_depth_png
 from regbench.datasets.readers.transform import read_transform
 from regbench.datasets.store_writer import write_dataset
 from regbench.errors import UserError
+from regbench.geometry.se3 import nearest_rigid
 
 from .depth import project_pixels, valid_pixels
 from .outcome import reason, say_outcome
@@ -113,25 +114,13 @@ def _read_frame(scene: str, path: Path, points: int, seed: int) -> _Frame | str:
     pose_path = path.with_name(path.name.replace(".depth.png", ".pose.txt"))
     try:
         depth = read_depth_png(path)
-        pose, pose_error = nearest_rigid(read_transform(pose_path))
+        given = read_transform(pose_path)
     except UserError as error:
         return reason(error, path.parent)
+    pose = nearest_rigid(given)
+    pose_error = float(np.abs(pose[:3, :3] - given[:3, :3]).max())
     valid = valid_pixels(depth)
     if len(valid) < points:
         return f"only {len(valid)} valid pixels, {points} wanted"
     drawn = item_generator(seed, frame_id).choice(valid, points, replace=False)
     return _Frame(frame_id, project_pixels(depth, drawn), pose, pose_error)
-
-
-def nearest_rigid(T: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return the rigid motion with the rotation nearest to that of a (4, 4) matrix, and how far that was off.
-
-    The nearest in the Frobenius norm: R = U V^T of the SVD, the last axis turned where that is a reflection.
-    The distance is the greatest element of |R - given|.
-    """
-    u, _, vt = np.linalg.svd(T[:3, :3])
-    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
-    rigid = T.copy()
-    rigid[:3, :3] = u @ vt
-    rigid[3] = (0, 0, 0, 1)
-    return rigid, float(np.abs(rigid[:3, :3] - T[:3, :3]).max())

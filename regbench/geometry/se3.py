@@ -66,6 +66,14 @@ def why_not_rigid(T: object, tolerance: float = RIGID_TOLERANCE) -> str | None:
     return None
 
 
+def nearest_rigid(T: ArrayLike) -> Matrix:
+    """Return the (4, 4) motion whose rotation is the nearest to that of T: for matrices printed with few digits."""
+    matrix = np.asarray(T, dtype=np.float64)
+    left, _, right = np.linalg.svd(matrix[:3, :3])
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    return se3(left @ flip @ right, matrix[:3, 3])
+
+
 def rotation_from_euler_deg(angles_deg: ArrayLike) -> Matrix:
     """Return R = Rx Ry Rz, (3, 3) float64, for angles (x, y, z) in degrees."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(radians := np.radians(angles_deg)), np.sin(radians)

@@ -2,6 +2,7 @@
 
 `pairs.csv` has a header and one row per pair: `source`, `target` (cloud files, relative to the folder) and, where the
 truth is known, `T_target_source` (a text file with the 4x4 matrix that maps source points into the target's frame).
+Clouds and truths stay in the files' unit.
 """
 
 from __future__ import annotations
@@ -11,13 +12,19 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from regbench.datasets.readers.checks import read_bytes
 from regbench.datasets.readers.cloud import read_cloud
 from regbench.datasets.readers.transform import read_transform
 from regbench.errors import UserError
+from regbench.geometry.se3 import nearest_rigid, why_not_rigid
 from regbench.protocols.protocol import Pair, ProblemSet, Protocol
 
 TABLE = "pairs.csv"
+# Matrices in the wild are printed to three or four digits.
+TRUTH_TOLERANCE = 0.01
 COLUMNS = ("source", "target", "T_target_source")
 
 
@@ -93,6 +100,8 @@ class _Pairs(ProblemSet):
                     raise UserError(f"{folder / TABLE}: names {name!r}: {why}") from None
                 digest.update(hashlib.sha256(content).digest())
         self.data_sha256 = digest.hexdigest()
+        truths = [row.get("T_target_source") for row in rows]
+        self._truths = [_read_truth(folder / name) if name else None for name in truths]
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -101,13 +110,24 @@ class _Pairs(ProblemSet):
         """Return problem `index`, with its answer where the table gives one."""
         row = self._rows[index]
         source, target = read_cloud(self._folder / row["source"]), read_cloud(self._folder / row["target"])
-        truth = row.get("T_target_source")
         return Pair(
             source=source,
             target=target,
-            T_target_source=read_transform(self._folder / truth) if truth else None,
+            T_target_source=self._truths[index],
             label="",
             id=f"{row['source']} -> {row['target']}",
             clean_source=source,
             clean_target=target,
         )
+
+
+def _read_truth(path: Path) -> NDArray[np.float64]:
+    """Read a ground truth; a rotation that printing rounded is made exact.
+
+    Raises:
+        UserError: It is off by more than printing can explain.
+    """
+    T = read_transform(path)
+    if (wrong := why_not_rigid(T, tolerance=TRUTH_TOLERANCE)) is not None:
+        raise UserError(f"{path}: is not a rigid motion: {wrong}, more than {TRUTH_TOLERANCE}")
+    return nearest_rigid(T)

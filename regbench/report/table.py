@@ -87,8 +87,8 @@ def _printed(
         notes = together if format == "latex" else Notes()
         laid_out.append((lay_out(infos[label], section, columns[label], notes, rank_times=one_machine), notes))
     if format == "latex":
-        return latex_table([section for section, _ in laid_out], together, remarks_on(run))
-    return {"text": text_table, "markdown": markdown_table}[format](laid_out, remarks_on(run))
+        return latex_table([section for section, _ in laid_out], together, remarks_on(run, format))
+    return {"text": text_table, "markdown": markdown_table}[format](laid_out, remarks_on(run, format))
 
 
 def headline(protocol: ProtocolInfo, format: str) -> list[Metric]:
@@ -137,11 +137,11 @@ def add_published(by_protocol: dict[str, list[dict[str, Any]]], infos: Mapping[s
         by_protocol[label] += published_rows(group, label)
 
 
-def remarks_on(run: RunData) -> list[str]:
+def remarks_on(run: RunData, format: str) -> list[str]:
     """Return what a reader must know of the whole table."""
     remarks = [f"Measured on {'; '.join(run.machines)}."]
     if len(run.machines) > 1:
         remarks[0] += " Times of different machines do not compare: they are not ranked."
-    if run.stale:
+    if run.stale and format != "latex":  # a printed table's reader knows of no older rows
         remarks.append(f"{run.stale} rows of methods or protocols that have changed since are left out.")
     return remarks

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 from regbench_data_prep.depth import project_depth, project_pixels, valid_pixels
-from regbench_data_prep.seven_scenes import nearest_rigid, prepare
+from regbench_data_prep.seven_scenes import prepare
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from regbench.datasets.readers.png import read_depth_png
 from regbench.datasets.store import open_7scenes, read_manifest
@@ -59,23 +58,6 @@ def test_projection_matches_open3d(shared_data):
     masked = np.where(depth == 65535, 0, depth).astype(np.uint16)
     cloud = o3d.geometry.PointCloud.create_from_depth_image(o3d.geometry.Image(masked), camera, depth_trunc=1000.0)
     np.testing.assert_allclose(project_depth(depth), np.asarray(cloud.points), atol=1e-5)
-
-
-def test_nearest_rigid_against_scipy():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        T = np.eye(4)
-        T[:3, :3] = Rotation.random(rng=rng).as_matrix() + rng.normal(size=(3, 3)) * 0.01
-        T[:3, 3] = rng.normal(size=3)
-        rigid, error = nearest_rigid(T)
-        # SciPy projects a matrix to the nearest rotation in the same sense.
-        np.testing.assert_allclose(rigid[:3, :3], Rotation.from_matrix(T[:3, :3]).as_matrix(), atol=1e-12)
-        np.testing.assert_array_equal(rigid[:3, 3], T[:3, 3])
-        assert error == pytest.approx(np.abs(rigid - T).max())
-        assert np.linalg.det(rigid[:3, :3]) == pytest.approx(1)
-    mirrored, error = nearest_rigid(np.diag([1.0, 1, -1, 1]))
-    assert np.linalg.det(mirrored[:3, :3]) == pytest.approx(1)
-    assert error > 1
 
 
 def test_the_real_sample(stairs, tmp_path):

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from regbench.geometry.se3 import (
     euler_deg_from_rotation,
     invert,
+    nearest_rigid,
     rotation_from_euler_deg,
     se3,
     transform,
@@ -120,3 +121,29 @@ class NeedsGradient:
 @pytest.mark.filterwarnings("error")
 def test_what_is_not_rigid_is_said_in_words(value, words):
     assert words in (why_not_rigid(value) or "nothing")
+
+
+@given(angles=st.tuples(*[st.floats(-180, 180)] * 3), off=st.floats(-0.004, 0.004))
+def test_nearest_rigid_mends_what_printing_rounded(angles, off):
+    T = se3(rotation_from_euler_deg(angles), [1, 2, 3])
+    rough = T.copy()
+    rough[0, 1] += off
+    mended = nearest_rigid(rough)
+    assert why_not_rigid(mended, tolerance=1e-12) is None
+    np.testing.assert_allclose(mended, T, atol=0.01)
+    np.testing.assert_array_equal(mended[:3, 3], T[:3, 3])
+
+
+def test_nearest_rigid_against_scipy():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        T = np.eye(4)
+        T[:3, :3] = Rotation.random(rng=rng).as_matrix() + rng.normal(size=(3, 3)) * 0.01
+        T[:3, 3] = rng.normal(size=3)
+        rigid = nearest_rigid(T)
+        # SciPy projects a matrix to the nearest rotation in the same sense.
+        np.testing.assert_allclose(rigid[:3, :3], Rotation.from_matrix(T[:3, :3]).as_matrix(), atol=1e-12)
+        np.testing.assert_array_equal(rigid[:3, 3], T[:3, 3])
+        assert np.linalg.det(rigid[:3, :3]) == pytest.approx(1)
+    mirrored = nearest_rigid(np.diag([1.0, 1, -1, 1]))
+    assert np.linalg.det(mirrored[:3, :3]) == pytest.approx(1)

@@ -62,3 +62,13 @@ def test_a_table_that_cannot_be_used(folder, table, message):
 def test_no_table(tmp_path):
     with pytest.raises(UserError, match=r"no pairs\.csv"):
         find_protocol(f"pairs:{tmp_path}").open(Path("unused"))
+
+
+def test_a_truth_that_printing_rounded_is_made_exact_and_a_wrong_one_is_named_at_once(folder):
+    (folder / "truth.txt").write_text("0.8 -0.601 0 5\n0.6 0.8 0 0\n0 0 1 0\n0 0 0 1\n")
+    T = opened(folder, HEADER + "a.npy,b.npy,truth.txt\n").pair(0).T_target_source
+    np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(T[:2, :2], [[0.8, -0.6], [0.6, 0.8]], atol=1e-3)
+    (folder / "truth.txt").write_text("2 0 0 5\n0 2 0 0\n0 0 2 0\n0 0 0 1\n")
+    with pytest.raises(UserError, match=r"truth\.txt: is not a rigid motion: its rotation is not orthonormal"):
+        opened(folder, HEADER + "a.npy,b.npy,truth.txt\n")
