@@ -33,6 +33,7 @@ def workplace(tmp_path_factory, shared_data, prepared_data):
     """A folder with what the pages speak of: raw and prepared data, two clouds, pairs, and the pages' own files."""
     folder = tmp_path_factory.mktemp("docs")
     (folder / "raw").mkdir()
+    (folder / "docs" / "results").mkdir(parents=True)
     (folder / "raw" / "modelnet40").symlink_to(shared_data / "modelnet40_ply_hdf5_1024")
     (folder / "raw" / "7scenes").symlink_to(shared_data / "7scenes")
     (folder / "data").symlink_to(prepared_data)
