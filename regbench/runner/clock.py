@@ -73,7 +73,7 @@ def device_synchroniser(device: str) -> Callable[[], None] | None:
     return synchronise
 
 
-# Plain os calls: with pathlib these three took 43, 15 and 28 us, without it 19, 4 and 12 (the first runs twice a trial).
+# Plain os calls: with pathlib these three took 43, 15 and 28 us, without it 19, 4 and 12.
 
 
 def _thread_run_times() -> dict[str, int]:
