@@ -1,4 +1,4 @@
-"""Finds methods, datasets, protocols and preparations by entry point, lazily, and methods in plugin files.
+"""Finds methods, trainables, datasets, protocols and preparations by entry point, lazily, and the first two in files.
 
 Nothing is imported before it is asked for by name. What cannot be imported is reported with its reason.
 """
@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from regbench.datasets.dataset import Dataset
     from regbench.protocols.protocol import Protocol
 
-REGISTRARS, PROTOCOLS, DATASETS, PREPARATIONS, DOWNLOADS = (
+REGISTRARS, TRAINABLES, PROTOCOLS, DATASETS, PREPARATIONS, DOWNLOADS = (
     "regbench.registrars",
+    "regbench.trainables",
     "regbench.protocols",
     "regbench.datasets",
     "regbench.preparations",
@@ -175,18 +176,23 @@ def load_plugin(path: Path) -> dict[str, type]:
     Raises:
         UserError: The file is missing, does not import, or holds no method.
     """
+    methods = _named_classes(path, "register")
+    if not methods:
+        raise UserError(f"plugin {path}: no class with a `name` and a `register` method")
+    return methods
+
+
+def _named_classes(path: Path, *methods: str) -> dict[str, type]:
+    """Import a plugin file and return its own classes that have a `name` and these methods, by name."""
     module = import_file(path)
-    methods = {
+    return {
         vars(cls).get("name", getattr(cls, "name", None)): cls
         for cls in vars(module).values()
         if inspect.isclass(cls)
         and cls.__module__ == module.__name__
         and isinstance(getattr(cls, "name", None), str)
-        and callable(getattr(cls, "register", None))
+        and all(callable(getattr(cls, method, None)) for method in methods)
     }
-    if not methods:
-        raise UserError(f"plugin {path}: no class with a `name` and a `register` method")
-    return methods
 
 
 def import_file(path: Path) -> Any:
@@ -256,6 +262,35 @@ class MethodRegistry:
         """
         cls, locator = self.find(spec.name)
         return Method(spec.asked, cls, resolve(cls, dict(spec.given), spec.name), locator)
+
+
+class TrainableRegistry:
+    """What can be trained (regbench.learning.trainable), by name: installed, and in the plugin files given."""
+
+    def __init__(self, plugins: Sequence[Path] = ()) -> None:
+        self._classes: dict[str, type] = {}
+        for path in plugins:
+            found = _named_classes(path, "network", "sample", "losses", "validate")
+            if not found:
+                raise UserError(f"plugin {path}: no Trainable with a `name`")
+            self._classes |= found
+
+    def names(self) -> list[str]:
+        """Return every name; a plugin file's hides an installed one."""
+        return sorted({*names(TRAINABLES), *self._classes})
+
+    def find(self, name: str) -> type:
+        """Return the class of a name.
+
+        Raises:
+            UserError: Unknown name, or it does not import.
+        """
+        if name in self._classes:
+            return self._classes[name]
+        if name not in names(TRAINABLES):
+            raise UserError(unknown("trainable method", name, self.names()))
+        cls: type = load(TRAINABLES, name, what="trainable method", listing="`regbench weights ls`")
+        return cls
 
 
 def open_dataset(name: str, data_dir: Path) -> Dataset:

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import typer
 
-from regbench.cli import align, check, data, doctor, ls, new, run, table
+from regbench.cli import align, check, data, doctor, ls, new, run, table, train, weights
 from regbench.cli.options import help_without_verb
 from regbench.errors import UserError
 
 INTERRUPTED = 130
+STOPPED = (129, INTERRUPTED, 143)  # 128 + SIGHUP, SIGINT, SIGTERM
 
 app = typer.Typer(
     help="Point cloud registration methods, measured on named protocols.",
@@ -24,16 +25,21 @@ app = typer.Typer(
 
 app.command("run")(run.run)
 app.command("table")(table.table)
+app.command("train")(train.train)
 app.command("align")(align.align)
 app.command("ls")(ls.ls)
 app.command("check")(check.check)
 app.command("new")(new.new)
 app.command("doctor")(doctor.doctor)
 app.add_typer(data.app, name="data")
+app.add_typer(weights.app, name="weights")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 0, 1 for 'no' as an answer, 2 for bad input, 130 for Ctrl-C."""
+    """Run the command line; return the exit code: 0, 1 for 'no' as an answer, 2 for bad input, 130 for Ctrl-C.
+
+    A training that was asked to stop gives 128 and the signal's number.
+    """
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no dagger still gets its table
     try:
@@ -50,6 +56,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
-    if result == INTERRUPTED:  # typer answers so too, where it met the interrupt first
+    if result in STOPPED:  # typer answers so too, where it met the interrupt first
         print("regbench: interrupted; give the same command again to continue", file=sys.stderr)
     return result if isinstance(result, int) else 0

@@ -1,0 +1,54 @@
+"""regbench weights: the weights that methods bring."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from regbench.cli.options import Json, help_without_verb
+
+app = typer.Typer(
+    help="Weights of learned methods.",
+    callback=help_without_verb,
+    invoke_without_command=True,
+    rich_markup_mode=None,
+)
+
+
+@app.command("ls")
+def ls(
+    as_json: Json = False,
+    plugin: Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with a Trainable.")] = None,
+) -> None:
+    """List the weight files of learned methods; a damaged one, or a method that does not import, with its reason."""
+    from regbench.errors import UserError
+    from regbench.learning.weights_list import HEADER, weights_in, words
+    from regbench.registry import TrainableRegistry
+
+    registry = TrainableRegistry(plugin or [])
+    entries, broken = [], {}
+    for name in registry.names():
+        try:
+            folder = registry.find(name).recipes  # type: ignore[attr-defined]  # a Trainable, found by its methods
+        except UserError as error:
+            broken[name] = str(error)
+            continue
+        entries += weights_in(folder, name) if folder is not None else []
+    if as_json:
+        print(
+            json.dumps(
+                entries + [{"method": name, "ok": False, "reason": why} for name, why in broken.items()], indent=1
+            )
+        )
+        return
+    rows = [list(HEADER), *map(words, entries)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER) - 1)]
+    for row in rows if entries else []:
+        print("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]))
+    for name, why in broken.items():
+        print(f"{name}: not ready: {why}")
+    if not entries and not broken:
+        print("no weights: no method here brings any")
