@@ -58,6 +58,8 @@ def train(
             start=start,
             progress=progress,
         )
+    if not outcome.is_main:
+        return 0
     if outcome.signal is not None:
         say(f"{folder}: saved at step {outcome.steps} of {outcome.total}")
         return 128 + outcome.signal

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from regbench.errors import UserError
+from regbench.files import write_atomically
 from regbench.learning.recipe import Recipe
 from regbench.learning.training_folder import TrainingFolder
 
 if TYPE_CHECKING:
     from regbench.learning.trainable import Trainable
     from regbench.learning.training_keeper import Progress
+    from regbench.learning.weights import Weights
 
 Device = Literal["auto", "cpu", "cuda"]
 
@@ -33,6 +35,7 @@ class Outcome:
         total: Steps that the recipe asks for.
         signal: Number of the signal that ended it early, or None.
         best: Step and figures of the best validation ({"step": ..., "figures": {...}}), or None.
+        is_main: False in the processes that Lightning starts for further devices.
     """
 
     folder: TrainingFolder
@@ -40,6 +43,7 @@ class Outcome:
     total: int
     signal: int | None
     best: Mapping[str, Any] | None
+    is_main: bool = True
 
     def best_words(self) -> str:
         """Say which weights are the best so far, and where they are."""
@@ -79,6 +83,8 @@ def train(
             is not finite.
     """
     _check_installed()
+    from regbench.learning.weights import load_weights
+
     if threads is not None:
         _use_threads(threads)
     on_cuda = _is_cuda(device)
@@ -88,31 +94,33 @@ def train(
     folder = TrainingFolder(out, recipe.trains)
     # Lightning starts this very command once more for each further device, and numbers them so.
     is_main = devices == 1 or os.environ.get("LOCAL_RANK", "0") == "0"
+    weights = load_weights(start) if start else None
+    if is_main:
+        folder.check(recipe)
     with folder.locked() if is_main else nullcontext(), _quiet():
         if is_main:
-            folder.prepare(recipe)
-        return _fit(trainable, recipe, folder, start, on_cuda, devices, progress)
+            write_atomically(folder.recipe, recipe.as_toml().encode())
+        return _fit(trainable, recipe, folder, weights, on_cuda, devices, progress)
 
 
 def _fit(
     trainable: Trainable,
     recipe: Recipe,
     folder: TrainingFolder,
-    start: Path | None,
+    weights: Weights | None,
     on_cuda: bool,
     devices: int,
     progress: Progress | None,
 ) -> Outcome:
     import torch
     from lightning.pytorch import Trainer
+    from lightning.pytorch.utilities.exceptions import SIGTERMException
 
     from regbench.learning.samples import batches
     from regbench.learning.seeds import NETWORK, seed_torch
     from regbench.learning.training_keeper import Keeper, NoProgress
     from regbench.learning.training_module import TrainingModule
-    from regbench.learning.weights import load_weights
 
-    weights = load_weights(start) if start else None
     facts = {
         "device": _device_words(on_cuda, devices),
         "torch": torch.__version__,
@@ -152,6 +160,7 @@ def _fit(
     loader = batches(
         trainable, training, first=done, rank=trainer.global_rank, processes=trainer.world_size, pin=on_cuda
     )
+    keeper.stop.listen()
     try:
         trainer.fit(
             TrainingModule(trainable, training, network),
@@ -159,9 +168,12 @@ def _fit(
             ckpt_path=folder.last if checkpoint else None,
             weights_only=True,  # nothing is unpickled but tensors and plain values
         )
+    except SIGTERMException:
+        pass  # the signal came before the first step, which was finished and saved all the same
     finally:
         keeper.stop.restore()
-    return Outcome(folder, trainer.global_step, training.steps, keeper.stop.signal, keeper.best)
+    signal = keeper.stop.signal if trainer.global_step < training.steps else None
+    return Outcome(folder, trainer.global_step, training.steps, signal, keeper.best, trainer.is_global_zero)
 
 
 def _read_checkpoint(folder: TrainingFolder, started_from: str | None) -> dict[str, Any] | None:
@@ -244,8 +256,9 @@ def _quiet() -> Iterator[None]:
 
 
 _KNOWN_WARNINGS = (
-    # loader_workers is the recipe's choice.
+    # loader_workers is the recipe's choice: Lightning wants more of them, torch fewer.
     r"The 'train_dataloader' does not have many workers",
+    r"This DataLoader will create \d+ worker processes",
     # Lightning 2.6 uses a name of torch that is deprecated since 2.12; nothing to be done here.
     r"`isinstance\(treespec, LeafSpec\)` is deprecated",
 )

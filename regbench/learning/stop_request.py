@@ -21,11 +21,10 @@ class StopRequest:
         self._before: dict[int, Any] = {}
 
     def listen(self) -> None:
-        """Take over the signals. One that is ignored (nohup) stays so."""
+        """Take over the signals, again if another has taken them since. One that is ignored (nohup) stays so."""
         for number in SIGNALS:
-            before = signal.getsignal(number)
-            if before is not signal.SIG_IGN:
-                self._before[number] = before
+            before = self._before.setdefault(number, signal.getsignal(number))
+            if before is not signal.SIG_IGN and self.signal is None:
                 signal.signal(number, self._remember)
 
     def restore(self) -> None:
@@ -36,5 +35,6 @@ class StopRequest:
 
     def _remember(self, number: int, frame: FrameType | None) -> None:
         self.signal = number
-        for each in self._before:
-            signal.signal(each, signal.SIG_DFL)
+        for each, before in self._before.items():
+            if before is not signal.SIG_IGN:
+                signal.signal(each, signal.SIG_DFL)

@@ -14,7 +14,6 @@ from typing import Any
 
 from regbench.datasets.readers.toml import read_toml
 from regbench.errors import UserError
-from regbench.files import write_atomically
 from regbench.learning.recipe import Recipe
 
 RUNS = Path("runs")
@@ -69,21 +68,16 @@ class TrainingFolder:
         """The weights of the best validation so far; their model card lies beside them."""
         return self.path / f"{self.name}.safetensors"
 
-    def prepare(self, recipe: Recipe) -> None:
-        """Make the folder, or check that it holds this very training, and write the recipe into it.
+    def check(self, recipe: Recipe) -> None:
+        """Check that the folder is new, or holds this very training.
 
         Raises:
-            UserError: The folder cannot be made, or holds something else, or another recipe.
+            UserError: It holds something else, or another recipe.
         """
         if self.recipe.exists():
             self._check_same(recipe)
-        elif self.path.is_dir() and any(path.name != "lock" for path in self.path.iterdir()):
+        elif self.path.is_dir() and any(path.name not in ("lock", "checkpoints") for path in self.path.iterdir()):
             raise UserError(f"{self.path}: is not empty and not a training; give another --out")
-        try:
-            self.checkpoints.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"{self.path}: cannot be made ({error.strerror})") from error
-        write_atomically(self.recipe, recipe.as_toml().encode())
 
     def _check_same(self, recipe: Recipe) -> None:
         old, new = _flat(read_toml(self.recipe)), _flat(recipe.as_dict())
@@ -102,13 +96,13 @@ class TrainingFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep the folder to this process.
+        """Make the folder, and keep it to this process.
 
         Raises:
             UserError: Another training writes to it, or it cannot be made.
         """
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
+            self.checkpoints.mkdir(parents=True, exist_ok=True)
             file = (self.path / "lock").open("w")
         except OSError as error:
             raise UserError(f"{self.path}: cannot be made ({error.strerror})") from error

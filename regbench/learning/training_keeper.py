@@ -75,7 +75,7 @@ class Keeper(Callback):
         self._seconds_before, self.best = state_dict["seconds"], state_dict["best"]
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Continue the log; take the signals over, here because Lightning has set its own by now."""
+        """Continue the log; take the signals back, for Lightning has set its own by now."""
         self._began = time.monotonic()
         self._saved_step = trainer.global_step
         if trainer.is_global_zero:

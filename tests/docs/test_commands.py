@@ -49,8 +49,8 @@ def workplace(tmp_path_factory, shared_data, prepared_data):
         "source,target,T_target_source\na.ply,b.ply,truth.txt\nc.ply,d.ply,\n"
     )
     for page in PAGES:
-        for text in blocks(page, "python"):
-            if named := re.match(r"# (\w+\.py)\n", text):
+        for text in blocks(page, "python") + blocks(page, "toml"):
+            if named := re.match(r"# (\w+\.(?:py|toml))\n", text):
                 (folder / named[1]).write_text(text)
     return folder
 
