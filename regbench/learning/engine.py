@@ -113,6 +113,7 @@ def _fit(
     progress: Progress | None,
 ) -> Outcome:
     import torch
+    from lightning.fabric.plugins.environments.lightning import LightningEnvironment
     from lightning.pytorch import Trainer
     from lightning.pytorch.utilities.exceptions import SIGTERMException
 
@@ -144,6 +145,7 @@ def _fit(
         # A term that is switched off for some steps leaves weights without a gradient.
         strategy="ddp_find_unused_parameters_true" if devices > 1 else "auto",
         precision=training.precision,
+        plugins=[LightningEnvironment()],  # one machine; a cluster's variables are not guessed at
         max_steps=training.steps,
         max_epochs=-1,
         gradient_clip_val=training.clip_gradient_norm or None,

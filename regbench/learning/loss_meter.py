@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import torch
@@ -16,7 +17,7 @@ class LossMeter:
     """Collects loss terms on their device; one transfer a row, for each would make the device wait."""
 
     def __init__(self) -> None:
-        self._names: list[tuple[int, str]] = []
+        self._steps: list[tuple[int, tuple[str, ...]]] = []
         self._values: list[Tensor] = []
 
     def add(self, step: int, losses: Mapping[str, Tensor]) -> Tensor:
@@ -31,28 +32,29 @@ class LossMeter:
                 raise UserError(f"losses(): the term '{name}' is {what}")
         if not losses:
             raise UserError("losses(): there is no term to minimise")
-        total = torch.stack([term.reshape(()) for term in losses.values()]).sum()
-        for name, term in {**losses, TOTAL: total}.items():
-            self._names.append((step, name))
-            self._values.append(term.detach().reshape(()).float())
-        return total
+        values = torch.stack([term.reshape(()) for term in losses.values()])
+        self._steps.append((step, tuple(losses)))
+        self._values.append(values.detach())
+        return values.sum()
 
     def flush(self, mean_over_processes: Callable[[Tensor], Tensor]) -> dict[str, float]:
-        """Return the averages since the last flush, by name, the sum last.
+        """Return the averages since the last flush by name, and that of the sums; a term may be absent from a step.
 
         Raises:
             UserError: A term was not finite; the message names the first such term and its step.
         """
         if not self._values:
             return {}
-        values = mean_over_processes(torch.stack(self._values)).cpu().double()
-        names, self._names, self._values = self._names, [], []
-        for (step, name), value in zip(names, values.tolist(), strict=True):
-            if value - value != 0:  # of inf and nan alone
-                raise UserError(f"the loss term '{name}' is {value} at step {step}")
+        values = iter(mean_over_processes(torch.cat(self._values).float()).tolist())
+        steps, self._steps, self._values = self._steps, [], []
         by_name: dict[str, list[float]] = {}
-        for (_, name), value in zip(names, values.tolist(), strict=True):
-            by_name.setdefault(name, []).append(value)
+        totals = []
+        for step, names in steps:
+            terms = {name: next(values) for name in names}
+            for name, value in terms.items():
+                if not math.isfinite(value):
+                    raise UserError(f"the loss term '{name}' is {value} at step {step}")
+                by_name.setdefault(name, []).append(value)
+            totals.append(sum(terms.values()))
         averages = {name: sum(terms) / len(terms) for name, terms in by_name.items()}
-        averages[TOTAL] = averages.pop(TOTAL)
-        return averages
+        return averages | {TOTAL: sum(totals) / len(totals)}
