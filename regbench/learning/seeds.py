@@ -16,5 +16,8 @@ def sample_generator(seed: int, step: int, index: int) -> np.random.Generator:
 
 def seed_torch(seed: int, *key: int) -> None:
     """Seed torch's generators on all devices for what `key` names, e.g. (STEP, step, rank)."""
-    state = np.random.SeedSequence(seed, spawn_key=key).generate_state(1, np.uint64)
-    torch.manual_seed(int(state[0]))
+    state = int(np.random.SeedSequence(seed, spawn_key=key).generate_state(1, np.uint64)[0])
+    # torch.manual_seed formats a stack trace for each kind of device not in use: 0.39 ms a step against 0.03.
+    torch.default_generator.manual_seed(state)
+    if torch.cuda.is_initialized():  # type: ignore[no-untyped-call]
+        torch.cuda.manual_seed_all(state)
