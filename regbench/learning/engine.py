@@ -35,6 +35,7 @@ class Outcome:
         total: Steps that the recipe asks for.
         signal: Number of the signal that ended it early, or None.
         best: Step and figures of the best validation ({"step": ..., "figures": {...}}), or None.
+        monitor: Which of the figures decides.
         is_main: False in the processes that Lightning starts for further devices.
     """
 
@@ -43,14 +44,15 @@ class Outcome:
     total: int
     signal: int | None
     best: Mapping[str, Any] | None
+    monitor: str
     is_main: bool = True
 
     def best_words(self) -> str:
         """Say which weights are the best so far, and where they are."""
         if self.best is None:
             return "no validation figure was finite, so there are no weights"
-        figures = ", ".join(f"{name} {value:.4g}" for name, value in self.best["figures"].items())
-        return f"best at step {self.best['step']}: {figures}; {self.folder.weights}"
+        figure = self.best["figures"][self.monitor]
+        return f"best at step {self.best['step']}: {self.monitor} {figure:.4g}; {self.folder.weights}"
 
 
 def train(
@@ -132,7 +134,7 @@ def _fit(
     training = recipe.training
     if done >= training.steps:
         best = checkpoint["callbacks"]["Keeper"]["best"] if checkpoint else None
-        return Outcome(folder, done, training.steps, None, best)
+        return Outcome(folder, done, training.steps, None, best, trainable.monitor)
 
     seed_torch(training.seed, NETWORK)
     network = trainable.network()
@@ -175,7 +177,9 @@ def _fit(
     finally:
         keeper.stop.restore()
     signal = keeper.stop.signal if trainer.global_step < training.steps else None
-    return Outcome(folder, trainer.global_step, training.steps, signal, keeper.best, trainer.is_global_zero)
+    return Outcome(
+        folder, trainer.global_step, training.steps, signal, keeper.best, trainable.monitor, trainer.is_global_zero
+    )
 
 
 def _read_checkpoint(folder: TrainingFolder, started_from: str | None) -> dict[str, Any] | None:
