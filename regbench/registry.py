@@ -1,4 +1,4 @@
-"""Finds methods, trainables, datasets, protocols and preparations by entry point, lazily, and the first two in files.
+"""Finds methods, trainables, datasets, protocols and more by entry point, lazily, and the first two in files.
 
 Nothing is imported before it is asked for by name. What cannot be imported is reported with its reason.
 """
@@ -25,13 +25,15 @@ if TYPE_CHECKING:
     from regbench.datasets.dataset import Dataset
     from regbench.protocols.protocol import Protocol
 
-REGISTRARS, TRAINABLES, PROTOCOLS, DATASETS, PREPARATIONS, DOWNLOADS = (
+REGISTRARS, TRAINABLES, PROTOCOLS, DATASETS, PREPARATIONS, DOWNLOADS, PLOTS, REPRODUCTIONS = (
     "regbench.registrars",
     "regbench.trainables",
     "regbench.protocols",
     "regbench.datasets",
     "regbench.preparations",
     "regbench.downloads",
+    "regbench.plots",
+    "regbench.reproductions",
 )
 
 

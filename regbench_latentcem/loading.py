@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from regbench.errors import UserError
-from regbench.learning.weights import load_weights
+from regbench.learning.weights import SUFFIX, load_weights
 
 from .equivariant import VectorEncoder
 from .model import Configuration, EquivariantModel, LatentModel
@@ -13,19 +13,32 @@ from .model import Configuration, EquivariantModel, LatentModel
 FOLDER = Path(__file__).parent / "weights"
 
 
+def weights_path(name: str) -> Path:
+    """Return the file of weights: NAME.safetensors of this package, or the path itself where it ends so.
+
+    Raises:
+        UserError: There is no such file.
+    """
+    is_path = name.endswith(SUFFIX)
+    path = Path(name) if is_path else FOLDER / f"{name}{SUFFIX}"
+    if path.is_file():
+        return path
+    if is_path:
+        raise UserError(f"latentcem: weights {path}: no such file")
+    there = ", ".join(sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))) or "none yet"
+    raise UserError(
+        f"latentcem: no weights '{name}' in {FOLDER} (there: {there}): the paper's model is not trained yet; "
+        "use latentcem[model=equivariant], which needs none"
+    )
+
+
 def load_paper_model(name: str) -> LatentModel:
-    """Return the paper's networks with the weights NAME.safetensors of this package.
+    """Return the paper's networks with weights of this package, or of a path; see `weights_path`.
 
     Raises:
         UserError: There are no such weights, or they are damaged or of another model.
     """
-    path = FOLDER / f"{name}.safetensors"
-    if not path.is_file():
-        there = ", ".join(sorted(file.stem for file in FOLDER.glob("*.safetensors"))) or "none yet"
-        raise UserError(
-            f"latentcem: no weights '{name}' in {FOLDER} (there: {there}): the paper's model is not trained yet; "
-            "use latentcem[model=equivariant], which needs none"
-        )
+    path = weights_path(name)
     weights = load_weights(path)
     try:
         configuration = Configuration(**weights.card["configuration"])

@@ -21,11 +21,13 @@ class Plan:
         means: (T + 1, P, 6), from mu_0 to mu_T.
         deviations: (T + 1, P, 6), from sigma_0 to sigma_T.
         elites: (T, P, K, 6), the K best actions of every iteration, best first.
+        candidates: (T, P, N, 6), the actions they were taken from, or None where they were not kept.
     """
 
     means: Tensor
     deviations: Tensor
     elites: Tensor
+    candidates: Tensor | None = None
 
     @property
     def actions(self) -> Tensor:
@@ -42,6 +44,7 @@ def plan(
     candidates: int,
     elites: int,
     generators: Sequence[torch.Generator],
+    keep_candidates: bool = False,
 ) -> Plan:
     """Search the actions of greatest reward; Algorithm 1.
 
@@ -56,6 +59,7 @@ def plan(
         candidates: N, actions drawn in an iteration.
         elites: K, the best of them that the next mean and deviation are taken from.
         generators: P generators on the CPU.
+        keep_candidates: Whether the plan holds all candidates, for a picture of the search.
 
     Raises:
         ValueError: The numbers do not fit together, or rewards are not finite.
@@ -64,7 +68,7 @@ def plan(
         raise ValueError(f"the planner needs 1 <= K <= N and T >= 0, got K={elites}, N={candidates}, T={iterations}")
     if mean.shape != deviation.shape or len(generators) != len(mean):
         raise ValueError(f"{len(generators)} generators for means {tuple(mean.shape)}, sigmas {tuple(deviation.shape)}")
-    means, deviations, chosen = [mean], [deviation], []
+    means, deviations, chosen, kept = [mean], [deviation], [], []
     for _ in range(iterations):
         draws = torch.stack([torch.randn(candidates, mean.shape[1], generator=each) for each in generators])
         actions = means[-1][:, None, :] + deviations[-1][:, None, :] * draws.to(mean)
@@ -74,11 +78,13 @@ def plan(
         winners = rewards.topk(elites, dim=1).indices
         best = actions.gather(1, winners[:, :, None].expand(-1, -1, mean.shape[1]))
         chosen.append(best)
+        if keep_candidates:
+            kept.append(actions)
         # Eq. 9: mean and variance of the elites, both with 1/K.
         means.append(best.mean(dim=1))
         deviations.append(best.std(dim=1, correction=0))
     every = torch.stack(chosen) if chosen else mean.new_empty((0, len(mean), elites, mean.shape[1]))
-    return Plan(torch.stack(means), torch.stack(deviations), every)
+    return Plan(torch.stack(means), torch.stack(deviations), every, torch.stack(kept) if kept else None)
 
 
 def generators_of(seeds: Sequence[int]) -> list[torch.Generator]:

@@ -119,6 +119,20 @@ class LatentCem(Registrar):
             stages_s=dict(zip(("encode", "plan", "refine"), np.diff(times).tolist(), strict=True)),
         )
 
+    def search(self, problem: Problem) -> tuple[LocalFrame, Plan]:
+        """Return the planner's search with all its candidates, in the local frame: for a picture of it.
+
+        Raises:
+            ValueError: As `register`.
+            UserError: As `prepare`.
+        """
+        if self._networks is None:
+            self.prepare()
+        frame = LocalFrame.of(problem)
+        z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
+        start = self._start(problem, frame, z_source, z_target)
+        return frame, self._plan(z_source, z_target, start, problem.seed, keep_candidates=True)
+
     def _encode(self, cloud: NDArray[np.float64], device: str) -> Any:
         """Return the latent state of one (N, 3) cloud, as a batch of one."""
         import torch
@@ -140,7 +154,9 @@ class LatentCem(Registrar):
             return se3(problem.motion_prior.mean_T_target_source()[:3, :3], np.zeros(3))
         return np.eye(4) if problem.init_T_target_source is None else frame.to_local(problem.init_T_target_source)
 
-    def _plan(self, z_source: Any, z_target: Any, start: NDArray[np.float64], seed: int) -> Plan:
+    def _plan(
+        self, z_source: Any, z_target: Any, start: NDArray[np.float64], seed: int, *, keep_candidates: bool = False
+    ) -> Plan:
         """Run the planner; for refine=verify several of them, the first as it is alone."""
         import torch
 
@@ -160,6 +176,7 @@ class LatentCem(Registrar):
             candidates=self.N,
             elites=self.K,
             generators=generators_of(seeds),
+            keep_candidates=keep_candidates,
         )
 
     def _refine(self, found: Plan, frame: LocalFrame) -> tuple[NDArray[np.float64], float | None]:

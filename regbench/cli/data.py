@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperCommand
 
-from regbench.cli.options import Data, help_without_verb
+from regbench.cli.options import Data, NamesBelow, help_without_verb
 
 app = typer.Typer(help="Prepare raw data, or download it.", callback=help_without_verb, invoke_without_command=True)
 
 
-class _NamesBelow(TyperCommand):
-    """A verb whose help ends with the names installed; looked up only then, since it takes time."""
-
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        from regbench import registry
-
-        group = {"prepare": registry.PREPARATIONS, "get": registry.DOWNLOADS}[self.name or ""]
-        formatter.write(f"\nNames: {', '.join(registry.names(group))}.\n")
-
-
-@app.command("prepare", cls=_NamesBelow)
+@app.command("prepare", cls=NamesBelow)
 def prepare(
     name: Annotated[str, typer.Argument(help="The dataset, one of the names below.")],
     source: Annotated[Path, typer.Option("--from", help="Folder of the raw download.")],
@@ -48,7 +37,7 @@ def prepare(
     print(prepare_dataset(source, data_dir(data), seed=seed, report=say, **options))
 
 
-@app.command("get", cls=_NamesBelow)
+@app.command("get", cls=NamesBelow)
 def get(name: Annotated[str, typer.Argument(help="The download, one of the names below.")], data: Data = None) -> None:
     """Download a dataset from its mirrors, check it and unpack it; then give it to `data prepare`."""
     from regbench import registry

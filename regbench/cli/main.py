@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import typer
 
-from regbench.cli import align, check, data, doctor, ls, new, run, table, train, weights
-from regbench.cli.options import help_without_verb
+from regbench.cli import align, check, data, doctor, ls, new, plot, reproduce, run, table, train, weights
+from regbench.cli.options import NamesBelow, help_without_verb
 from regbench.errors import UserError
 
 INTERRUPTED = 130
@@ -27,6 +27,8 @@ app.command("run")(run.run)
 app.command("table")(table.table)
 app.command("train")(train.train)
 app.command("align")(align.align)
+app.command("plot", cls=NamesBelow)(plot.plot)
+app.command("reproduce", cls=NamesBelow)(reproduce.reproduce)
 app.command("ls")(ls.ls)
 app.command("check")(check.check)
 app.command("new")(new.new)

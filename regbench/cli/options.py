@@ -3,14 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 Methods = Annotated[list[str], typer.Option("--method", "-m", help="Methods, e.g. icp,fgr[preset=paper].")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of prepared data (or REGBENCH_DATA; else ./data).")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with methods; may be repeated.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of text.")]
+
+
+class NamesBelow(TyperCommand):
+    """A verb whose help ends with the names installed for it; looked up only then, since it takes time."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the names."""
+        from regbench import registry
+
+        group = {
+            "prepare": registry.PREPARATIONS,
+            "get": registry.DOWNLOADS,
+            "plot": registry.PLOTS,
+            "reproduce": registry.REPRODUCTIONS,
+        }[self.name or ""]
+        formatter.write(f"\nNames: {', '.join(registry.names(group))}.\n")
 
 
 def help_without_verb(context: typer.Context) -> None:

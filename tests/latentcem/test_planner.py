@@ -75,6 +75,22 @@ def test_the_next_candidates_follow_the_elites():
     assert torch.equal(seen[1][0], best.expand(1000, 6))
 
 
+def test_candidates_are_kept_when_asked_for_and_change_nothing():
+    seen = []
+
+    def reward(actions):
+        seen.append(actions)
+        return -actions.square().sum(dim=2)
+
+    found = plan(
+        reward, ZERO, ONE, iterations=3, candidates=50, elites=5, generators=generators_of([0]), keep_candidates=True
+    )
+    assert torch.equal(found.candidates, torch.stack(seen))
+    without = run(reward, T=3, N=50, K=5)
+    assert without.candidates is None
+    assert torch.equal(without.means, found.means)
+
+
 def test_no_iteration_answers_the_starting_mean():
     found = run(lambda a: a[:, :, 0], ONE, T=0)
     assert torch.equal(found.actions, ONE)
