@@ -150,6 +150,7 @@ def _train(
         "training.log_every": max(1, steps // 20),
         # Once, at the end: all four are measured after as many steps.
         "training.validate_every": steps,
+        "method.start": "random",  # FoldingNet's encoder is no support function
         "method.encoder": encoder,
         "method.decoder": decoder,
     }

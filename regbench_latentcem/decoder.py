@@ -6,10 +6,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .encoder import LATENT_SIZE
+from .encoder import LATENT_SIZE, POINTS
 
-GRID = 28
-POINTS = GRID * GRID
+GRID = 28  # squared: POINTS
 
 
 class FoldingDecoder(nn.Module):

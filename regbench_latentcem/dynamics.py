@@ -12,43 +12,53 @@ from .planner import Reward
 
 
 class TransformationNetwork(nn.Module):
-    """f([z, a]): the latent state after an action (Eq. 1). Three layers; the width is not stated in the paper.
+    """f([z, a]): the latent state after an action (Eq. 1). Three layers; their widths are not stated in the paper.
 
     Args:
-        width: Of the two hidden layers.
+        widths: Of the two hidden layers. The first costs the planner little: z's share of it is computed once.
     """
 
-    def __init__(self, *, width: int = 512) -> None:
+    def __init__(self, *, widths: tuple[int, int] = (1024, 256)) -> None:
         super().__init__()
-        self.first = nn.Linear(LATENT_SIZE + ACTION_SIZE, width)
-        self.second = nn.Linear(width, width)
-        self.third = nn.Linear(width, LATENT_SIZE)
+        self.first = nn.Linear(LATENT_SIZE + ACTION_SIZE, widths[0])
+        self.second = nn.Linear(*widths)
+        self.third = nn.Linear(widths[1], LATENT_SIZE)
 
     def forward(self, latents: Tensor, actions: Tensor) -> Tensor:
-        """Map (..., 512) latent states and (..., 6) actions to (..., 512) predicted states."""
-        hidden = functional.relu(self.first(torch.cat([latents, actions], dim=-1)))
+        """Map (..., 512) latent states and (..., 6) actions, which may be broadcast, to (..., 512) predicted states."""
+        hidden = functional.relu(_linear_of_pair(self.first, latents, actions))
         predicted: Tensor = self.third(functional.relu(self.second(hidden)))
         return predicted
 
 
 class EvaluationNetwork(nn.Module):
-    """d([z', z]): the predicted Chamfer distance of two clouds (Eq. 2). Three layers, width not stated.
+    """d([z', z]): the predicted Chamfer distance of two clouds (Eq. 2). Three layers, widths not stated.
+
+    It starts as a function of z' - z: the two halves of its first layer are each other's opposites before training.
 
     Args:
-        width: Of the two hidden layers.
+        widths: Of the two hidden layers.
     """
 
-    def __init__(self, *, width: int = 512) -> None:
+    def __init__(self, *, widths: tuple[int, int] = (256, 256)) -> None:
         super().__init__()
-        self.first = nn.Linear(2 * LATENT_SIZE, width)
-        self.second = nn.Linear(width, width)
-        self.third = nn.Linear(width, 1)
+        self.first = nn.Linear(2 * LATENT_SIZE, widths[0])
+        self.second = nn.Linear(*widths)
+        self.third = nn.Linear(widths[1], 1)
+        with torch.no_grad():
+            self.first.weight[:, LATENT_SIZE:] = -self.first.weight[:, :LATENT_SIZE]
 
     def forward(self, moved: Tensor, target: Tensor) -> Tensor:
-        """Map (..., 512) states of the moved source and of the target to (...) distances."""
-        hidden = functional.relu(self.first(torch.cat([moved, target], dim=-1)))
+        """Map (..., 512) states of the moved source and of the target, which may be broadcast, to (...) distances."""
+        hidden = functional.relu(_linear_of_pair(self.first, moved, target))
         distance: Tensor = self.third(functional.relu(self.second(hidden)))
         return distance.squeeze(-1)
+
+
+def _linear_of_pair(layer: nn.Linear, first: Tensor, second: Tensor) -> Tensor:
+    """Return layer([first, second]) as a sum of two products: a state that many actions share is multiplied once."""
+    of_first, of_second = layer.weight[:, : first.shape[-1]], layer.weight[:, first.shape[-1] :]
+    return functional.linear(first, of_first, layer.bias) + functional.linear(second, of_second)
 
 
 def learned_reward(f: TransformationNetwork, d: EvaluationNetwork, z_source: Tensor, z_target: Tensor) -> Reward:

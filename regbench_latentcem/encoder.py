@@ -9,10 +9,13 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from regbench.learning.edge_convolution import EdgeConvolution, Normalisation
+from regbench.learning.linear_max import linear_max
 from regbench.learning.neighbour_max import neighbour_max
 from regbench.learning.neighbours import nearest_neighbours
 
 LATENT_SIZE = 512
+POINTS = 784  # of a cloud in the paper
+LEAST_NEIGHBOURS, MOST_NEIGHBOURS = 8, 40
 
 
 class DgcnnEncoder(nn.Module):
@@ -22,26 +25,30 @@ class DgcnnEncoder(nn.Module):
     different statistics, and predictions were useless in evaluation mode with it.
 
     Args:
-        k: Neighbours in the graph, which is rebuilt in the features of every layer.
+        k: Neighbours in the graph, which is rebuilt in the features of every layer, for clouds of 784 points. Larger
+            and smaller clouds get as many more or fewer, from 8 to 40: so a neighbourhood is the same part of the
+            surface, and features depend less on the density.
         normalisation: "none", or "layer" for LayerNorm over the channels of a point.
     """
 
     def __init__(self, *, k: int = 20, normalisation: Normalisation = "none") -> None:
         super().__init__()
+        self.k = k
         widths = (3, 64, 64, 128, 256)
         self.convolutions = nn.ModuleList(
-            EdgeConvolution(before, after, k=k, normalisation=normalisation) for before, after in pairwise(widths)
+            EdgeConvolution(before, after, normalisation=normalisation) for before, after in pairwise(widths)
         )
         self.last = nn.Linear(sum(widths[1:]), LATENT_SIZE)
 
     def forward(self, clouds: Tensor) -> Tensor:
         """Map (B, N, 3) clouds to (B, 512) latent states, whatever the order of the points."""
+        k = min(max(round(self.k * clouds.shape[1] / POINTS), LEAST_NEIGHBOURS), MOST_NEIGHBOURS)
         features, answers = clouds, []
         for convolution in self.convolutions:
-            features = convolution(features)
+            features = convolution(features, k)
             answers.append(features)
         # LeakyReLU is monotone: after the maximum it is the same, on N times fewer values.
-        pooled = self.last(torch.cat(answers, dim=2)).amax(dim=1)
+        pooled = linear_max(torch.cat(answers, dim=2), self.last.weight, self.last.bias)
         return functional.leaky_relu(pooled, 0.2)
 
 

@@ -41,11 +41,11 @@ def load_paper_model(name: str) -> LatentModel:
     path = weights_path(name)
     weights = load_weights(path)
     try:
-        configuration = Configuration(**weights.card["configuration"])
-    except (KeyError, TypeError) as error:
+        configuration = Configuration.from_card(weights.card["configuration"])
+    except (KeyError, TypeError, AttributeError) as error:
         raise UserError(f"weights {path}: the model card's 'configuration' is not LatentCEM's: {error}") from None
     model = LatentModel(configuration)
-    weights.load_into(model)
+    weights.load_into(model.without_decoder())
     return model
 
 

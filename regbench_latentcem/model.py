@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -26,18 +27,38 @@ class Configuration:
         decoder: "folding" or "mlp".
         neighbours: k of DGCNN's graphs.
         normalisation: Of the DGCNN encoder.
-        width: Hidden width of f and d.
+        transformation_widths: Of f's hidden layers.
+        evaluation_widths: Of d's hidden layers.
+        action_mean_rad: Mean of the angles that the model was trained on: the planner's natural start.
+        action_deviation_rad: Their standard deviation.
+        action_deviation_translation: Likewise, of the translation, in extents of the target.
     """
 
     encoder: Literal["dgcnn", "folding"] = "dgcnn"
     decoder: Literal["folding", "mlp"] = "folding"
     neighbours: int = 20
     normalisation: Normalisation = "none"
-    width: int = 512
+    transformation_widths: tuple[int, int] = (1024, 256)
+    evaluation_widths: tuple[int, int] = (256, 256)
+    action_mean_rad: float = 0.39
+    action_deviation_rad: float = 0.4
+    action_deviation_translation: float = 0.03
+
+    @classmethod
+    def from_card(cls, values: Mapping[str, Any]) -> Configuration:
+        """Return the configuration that a card holds.
+
+        Raises:
+            TypeError: A name is unknown.
+        """
+        fields: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+        }
+        return cls(**fields)
 
     def as_card(self) -> dict[str, Any]:
         """Return the configuration as JSON can hold it."""
-        return asdict(self)
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
 
 
 class LatentModel(nn.Module):
@@ -49,14 +70,19 @@ class LatentModel(nn.Module):
 
     def __init__(self, configuration: Configuration = Configuration()) -> None:
         super().__init__()
+        self.configuration = configuration
         self.encoder: nn.Module = (
             DgcnnEncoder(k=configuration.neighbours, normalisation=configuration.normalisation)
             if configuration.encoder == "dgcnn"
             else FoldingEncoder()
         )
         self.decoder: nn.Module = FoldingDecoder() if configuration.decoder == "folding" else MlpDecoder()
-        self.transformation = TransformationNetwork(width=configuration.width)
-        self.evaluation = EvaluationNetwork(width=configuration.width)
+        self.transformation = TransformationNetwork(widths=configuration.transformation_widths)
+        self.evaluation = EvaluationNetwork(widths=configuration.evaluation_widths)
+
+    def without_decoder(self) -> nn.ModuleDict:
+        """Return the networks that registration needs, under their own names."""
+        return nn.ModuleDict({name: network for name, network in self.named_children() if name != "decoder"})
 
     def encode(self, clouds: Tensor) -> Tensor:
         """Map (B, N, 3) clouds to (B, 512) latent states."""

@@ -25,7 +25,6 @@ class EdgeConvolution(nn.Module):
     Args:
         in_channels: Channels of a point.
         out_channels: Channels of the answer.
-        k: Neighbours, the point itself counted.
         slope: LeakyReLU's slope below zero.
         normalisation: "none" or "layer".
     """
@@ -35,12 +34,10 @@ class EdgeConvolution(nn.Module):
         in_channels: int,
         out_channels: int,
         *,
-        k: int = 20,
         slope: float = 0.2,
         normalisation: Normalisation = "none",
     ) -> None:
         super().__init__()
-        self.k = k
         self.slope = slope
         self.edge = nn.Linear(2 * in_channels, out_channels)
         self.norm = nn.LayerNorm(out_channels) if normalisation == "layer" else nn.Identity()
@@ -48,9 +45,9 @@ class EdgeConvolution(nn.Module):
         nn.init.kaiming_normal_(self.edge.weight, a=slope)
         nn.init.zeros_(self.edge.bias)
 
-    def forward(self, features: Tensor) -> Tensor:
-        """Map (B, N, in_channels) to (B, N, out_channels)."""
-        neighbours = nearest_neighbours(features, self.k)
+    def forward(self, features: Tensor, k: int) -> Tensor:
+        """Map (B, N, in_channels) to (B, N, out_channels) by the k nearest points of each, itself counted."""
+        neighbours = nearest_neighbours(features, k)
         of_neighbour, of_centre = self.edge.weight.chunk(2, dim=1)
         highest = neighbour_max(functional.linear(features, of_neighbour), neighbours)
         centre = functional.linear(features, of_centre - of_neighbour, self.edge.bias)

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 
@@ -53,7 +49,7 @@ class _NeighbourMax(torch.autograd.Function):
         (gradient,) = gradients
         spread = gradient.new_zeros(ctx.shape)
         if ctx.compiled:
-            _loops()[1](gradient.contiguous().numpy(), winners.numpy(), spread.numpy())
+            _backward_compiled(gradient, winners, spread)
         else:
             spread.scatter_add_(1, winners, gradient)
         return spread, None
@@ -80,23 +76,17 @@ def _forward_compiled(values: Tensor, neighbours: Tensor) -> tuple[Tensor, Tenso
         raise ValueError(f"neighbour_max: an index is outside the {values.shape[1]} points")
     maximum = values.new_empty((*neighbours.shape[:2], values.shape[2]))
     winners = torch.empty(maximum.shape, dtype=torch.int32)
-    _loops()[0](values.detach().contiguous().numpy(), neighbours.contiguous().numpy(), maximum.numpy(), winners.numpy())
+    from regbench.learning.neighbour_max_loops import forward
+    from regbench.learning.threads import as_many_as_torch
+
+    with as_many_as_torch():
+        forward(values.detach().contiguous().numpy(), neighbours.contiguous().numpy(), maximum.numpy(), winners.numpy())
     return maximum, winners
 
 
-@cache
-def _loops() -> tuple[Callable[..., None], Callable[..., None]]:
-    """Compile the two passes (once; the machine code is kept on disk)."""
-    import numba
+def _backward_compiled(gradient: Tensor, winners: Tensor, spread: Tensor) -> None:
+    from regbench.learning.neighbour_max_loops import backward
+    from regbench.learning.threads import as_many_as_torch
 
-    from regbench.learning import neighbour_max_loops as loops
-
-    def limited(loop: Callable[..., None]) -> Callable[..., None]:
-        def run(*arrays: NDArray[np.generic]) -> None:
-            most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]  # set when it is imported
-            numba.set_num_threads(min(torch.get_num_threads(), most))
-            loop(*arrays)
-
-        return run
-
-    return limited(loops.forward), limited(loops.backward)
+    with as_many_as_torch():
+        backward(gradient.contiguous().numpy(), winners.numpy(), spread.numpy())

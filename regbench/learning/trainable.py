@@ -69,6 +69,10 @@ class Trainable(ABC):
     def validate(self, network: nn.Module) -> dict[str, float]:
         """Return figures on held-out shapes, `monitor` among them. The network is in eval mode, without gradients."""
 
+    def learning_rate_factors(self, network: nn.Module) -> dict[str, float]:
+        """Return factors on the recipe's learning rate by the beginnings of parameters' names; 1 where none fits."""
+        return {}
+
     def card(self) -> dict[str, Any]:
         """Return what the model card says of data, split and configuration, as JSON can hold it."""
         return {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
@@ -40,16 +40,17 @@ class TrainingModule(LightningModule):
         return self.network if self.average is None else self.average
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Return AdamW. Its learning rate is set before each step, as a function of the step alone."""
+        """Return AdamW. Its learning rates are set before each step, as functions of the step alone."""
         recipe = self.training_recipe
-        return torch.optim.AdamW(self.network.parameters(), recipe.learning_rate, weight_decay=recipe.weight_decay)
+        groups = parameter_groups(self.network, self.trainable.learning_rate_factors(self.network))
+        return torch.optim.AdamW(groups, recipe.learning_rate, weight_decay=recipe.weight_decay)
 
     def on_train_batch_start(self, batch: Any, batch_idx: int) -> None:
         """Set all that a step depends on besides weights and batch, so that a resumed step is the same."""
         step = self.global_step
         seed_torch(self.training_recipe.seed, STEP, step, self.global_rank)
         for group in self.trainer.optimizers[0].param_groups:
-            group["lr"] = learning_rate_at(self.training_recipe, step)
+            group["lr"] = group["factor"] * learning_rate_at(self.training_recipe, step)
 
     def training_step(self, batch: dict[str, Tensor], batch_idx: int) -> Tensor:
         """Return the sum of the loss terms."""
@@ -69,6 +70,16 @@ class TrainingModule(LightningModule):
         if self.average is not None:
             decay = average_decay_at(self.training_recipe, self.global_step)
             move_average(self.average, self.network, decay)
+
+
+def parameter_groups(network: nn.Module, factors: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Return the optimiser's groups, one for each factor on the learning rate; a name's longest beginning counts."""
+    groups: dict[float, list[nn.Parameter]] = {}
+    for name, parameter in network.named_parameters():
+        fitting = [beginning for beginning in factors if name.startswith(beginning)]
+        factor = factors[max(fitting, key=len)] if fitting else 1.0
+        groups.setdefault(factor, []).append(parameter)
+    return [{"params": parameters, "factor": factor} for factor, parameters in groups.items()]
 
 
 @torch.no_grad()

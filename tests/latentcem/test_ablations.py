@@ -25,7 +25,7 @@ from regbench_latentcem.model import Configuration, LatentModel
 from regbench_latentcem.training import LatentCemTraining
 
 PAIRS = [("dgcnn", "folding"), ("dgcnn", "mlp"), ("folding", "folding"), ("folding", "mlp")]
-TINY = """training.batch=1 training.warm_up_steps=0 method.points=64 method.first_points=64 method.held_out=2
+TINY = """training.batch=1 training.warm_up_steps=0 method.points=64 method.held_out=2
     method.validated=1 method.decoded=1 method.copies=2""".split()
 
 

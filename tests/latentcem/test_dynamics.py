@@ -5,10 +5,10 @@ from regbench_latentcem.dynamics import EvaluationNetwork, TransformationNetwork
 from regbench_latentcem.model import Configuration, LatentModel
 
 
-@pytest.mark.parametrize("width", [64, 512])
-def test_the_planners_reward_is_that_of_the_two_networks(width):
+@pytest.mark.parametrize("widths", [(64, 32), (512, 512)])
+def test_the_planners_reward_is_that_of_the_two_networks(widths):
     torch.manual_seed(0)
-    f, d = TransformationNetwork(width=width), EvaluationNetwork(width=width)
+    f, d = TransformationNetwork(widths=widths), EvaluationNetwork(widths=widths)
     z_source, z_target, actions = torch.randn(2, 512), torch.randn(2, 512), torch.randn(2, 30, 6)
     every_z_source, every_z_target = (z[:, None].expand(-1, 30, -1) for z in (z_source, z_target))
     naive = -d(f(every_z_source, actions), every_z_target)  # Eq. 2
@@ -17,11 +17,33 @@ def test_the_planners_reward_is_that_of_the_two_networks(width):
     assert torch.equal(reward(actions), reward(actions))  # nothing is overwritten that the next call needs
 
 
+def test_states_may_be_broadcast_over_actions():
+    f, d = TransformationNetwork(widths=(64, 32)), EvaluationNetwork(widths=(64, 32))
+    z, z_target, actions = torch.randn(2, 1, 512), torch.randn(2, 1, 512), torch.randn(2, 30, 6)
+    pairs = torch.cat([z.expand(-1, 30, -1), actions], dim=2)
+    moved = f.third(f.second(f.first(pairs).relu()).relu())  # as the paper writes it: f([z, a])
+    torch.testing.assert_close(f(z, actions), moved, rtol=0, atol=1e-5)
+    joint = torch.cat([moved, z_target.expand(-1, 30, -1)], dim=2)
+    torch.testing.assert_close(
+        d(moved, z_target), d.third(d.second(d.first(joint).relu()).relu()).squeeze(2), rtol=0, atol=1e-5
+    )
+
+
+def test_before_training_d_sees_the_difference_of_two_states_alone():
+    d = EvaluationNetwork()
+    z, z_target, shift = torch.randn(3, 512), torch.randn(3, 512), torch.randn(512)
+    torch.testing.assert_close(d(z + shift, z_target + shift), d(z, z_target), rtol=0, atol=1e-4)
+
+
 def test_every_configuration_can_be_built_and_asked():
     clouds = torch.randn(2, 60, 3)
     for encoder in ("dgcnn", "folding"):
         for decoder in ("folding", "mlp"):
-            model = LatentModel(Configuration(encoder=encoder, decoder=decoder, width=32))
+            model = LatentModel(
+                Configuration(
+                    encoder=encoder, decoder=decoder, transformation_widths=(64, 32), evaluation_widths=(32, 32)
+                )
+            )
             assert model.decoder(model.encode(clouds)).shape == (2, 784, 3)
             z = model.encode(clouds)
             assert model.reward(z, z)(torch.zeros(2, 5, 6)).shape == (2, 5)

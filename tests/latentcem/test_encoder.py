@@ -3,6 +3,7 @@ import pytest
 import torch
 from torch.nn import functional
 
+from regbench.learning.edge_convolution import EdgeConvolution
 from regbench.learning.neighbours import nearest_neighbours
 from regbench_latentcem.encoder import DgcnnEncoder, FoldingEncoder, local_covariances
 
@@ -52,7 +53,7 @@ def test_dgcnn_is_the_published_network():
         return functional.leaky_relu(layer.edge(torch.cat([near - centre, centre], dim=3)), 0.2).amax(dim=2)
 
     encoder = DgcnnEncoder().double()
-    points = cloud(100, dtype=torch.float64)
+    points = cloud(784, dtype=torch.float64)
     x1 = edge_layer(encoder.convolutions[0], points)
     x2 = edge_layer(encoder.convolutions[1], x1)
     x3 = edge_layer(encoder.convolutions[2], x2)
@@ -60,6 +61,16 @@ def test_dgcnn_is_the_published_network():
     assert [x.shape[2] for x in (x1, x2, x3, x4)] == [64, 64, 128, 256]
     expected = functional.leaky_relu(encoder.last(torch.cat([x1, x2, x3, x4], dim=2)), 0.2).amax(dim=1)
     torch.testing.assert_close(encoder(points), expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(("points", "neighbours"), [(100, 8), (256, 8), (392, 10), (784, 20), (1568, 40), (5000, 40)])
+def test_neighbourhoods_are_the_same_part_of_clouds_of_any_size(points, neighbours, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        EdgeConvolution, "forward", lambda layer, x, k: (asked.append(k), layer.edge(torch.cat([x, x], 2)))[1]
+    )
+    DgcnnEncoder()(cloud(points, batch=1))
+    assert asked == [neighbours] * 4
 
 
 def test_latents_start_at_a_size_that_trains():

@@ -27,9 +27,10 @@ def rotation_error_deg(T, truth):
 def weights(tmp_path, monkeypatch):
     """Random weights of a small paper model, in the place of the package's."""
     torch.manual_seed(0)
-    configuration = Configuration(width=32)
+    configuration = Configuration(transformation_widths=(64, 32), evaluation_widths=(32, 32))
     path = tmp_path / "modelnet40.safetensors"
-    save_weights(path, LatentModel(configuration).state_dict(), {"configuration": configuration.as_card()})
+    networks = LatentModel(configuration).without_decoder()
+    save_weights(path, networks.state_dict(), {"configuration": configuration.as_card()})
     monkeypatch.setattr(loading, "FOLDER", tmp_path)
     return path
 

@@ -2,6 +2,7 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
+from regbench.learning.nearest_loops import select_smallest
 from regbench.learning.neighbours import nearest_neighbours
 
 
@@ -12,6 +13,15 @@ def test_neighbours_are_those_of_a_kd_tree(points, channels, k):
     for cloud, indices in zip(features.double().numpy(), found.numpy(), strict=True):
         expected = cKDTree(cloud).query(cloud, k=k)[1]
         assert {tuple(sorted(row)) for row in expected} == {tuple(row) for row in indices}
+
+
+def test_the_compiled_selection_keeps_the_smallest_also_among_equals():
+    rows = torch.randint(0, 9, (200, 70), generator=torch.Generator().manual_seed(0)).float()
+    chosen = torch.empty(200, 12, dtype=torch.int64)
+    select_smallest(rows.numpy(), chosen.numpy())
+    assert all(len(set(indices)) == 12 for indices in chosen.tolist())
+    expected = rows.sort(dim=1).values[:, :12]
+    assert torch.equal(rows.gather(1, chosen).sort(dim=1).values, expected)
 
 
 def test_a_far_cloud_has_the_same_neighbours():

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import ConvexHull
+
+from regbench_latentcem.actions import move
+from regbench_latentcem.model import Configuration, LatentModel
+from regbench_latentcem.sampling import TRAINED_RAD
+from regbench_latentcem.support import (
+    directions,
+    extreme_points,
+    start_as_support,
+    support_states,
+    support_transformation_loss,
+)
+
+
+@pytest.fixture
+def model():
+    torch.manual_seed(0)
+    model = LatentModel()
+    start_as_support(model)
+    return model
+
+
+def cloud(points=300, batch=2):
+    points = torch.randn(batch, points, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.3, 0.2, 0.1])
+    return points - points.mean(dim=1, keepdim=True)
+
+
+def test_the_encoder_starts_as_the_support_function(model):
+    expected = (cloud() @ directions().T).amax(dim=1)  # positive: the centroid is inside
+    torch.testing.assert_close(model.encode(cloud()), expected, rtol=0, atol=1e-6)
+    torch.testing.assert_close(support_states(cloud()), expected, rtol=0, atol=1e-6)
+
+
+def test_directions_are_even_over_the_sphere():
+    towards = directions()
+    torch.testing.assert_close(towards.norm(dim=1), torch.ones(512))
+    torch.testing.assert_close(towards.T @ towards / 512, torch.eye(3) / 3, rtol=0, atol=1e-3)
+    nearest = (towards @ towards.T - 2 * torch.eye(512)).amax(dim=1).arccos().rad2deg()
+    assert 5 < nearest.min() <= nearest.max() < 11
+
+
+def test_d_starts_positive_and_homogeneous_in_the_difference(model):
+    z, z_target, shift = torch.rand(5, 512), torch.rand(5, 512), torch.rand(512)
+    d = model.evaluation
+    assert d(z, z).abs().max() < 1e-6
+    torch.testing.assert_close(d(z + shift, z_target + shift), d(z, z_target), rtol=0, atol=1e-5)
+    torch.testing.assert_close(d(z_target + 3 * (z - z_target), z_target), 3 * d(z, z_target), rtol=1e-4, atol=1e-5)
+    assert (d(z, z_target) > 0).all()
+
+
+def test_extreme_points_are_of_the_convex_hull_and_enough():
+    points = cloud(batch=1)[0].double().numpy() * 7 + 3
+    kept = extreme_points([points])
+    assert kept.shape == (1, 96, 3)
+    centred = points - points.mean(axis=0)
+    centred /= np.linalg.norm(centred, axis=1).max()
+    hull = {tuple(np.round(row, 5)) for row in centred[ConvexHull(centred).vertices]}
+    assert {tuple(np.round(row, 5)) for row in kept[0].double().numpy()} <= hull
+    whole = torch.from_numpy(centred[None]).float()
+    torch.testing.assert_close(support_states(kept), support_states(whole), rtol=0, atol=1e-6)
+
+
+def test_the_loss_is_that_of_f_on_states_of_moved_clouds(model):
+    extremes = extreme_points(cloud(batch=1).double().numpy())
+
+    torch.manual_seed(1)
+    loss = support_transformation_loss(model, extremes, clouds=3, copies=4, noisy=0.0)
+    torch.manual_seed(1)
+    torch.randint(1, (3,))
+    torch.rand(3)
+    low, high = TRAINED_RAD
+    actions = torch.cat([torch.rand(3, 4, 3) * (high - low) + low, torch.randn(3, 4, 3) * 0.03], dim=2)
+    z_moved = support_states(move(extremes[0], actions.flatten(0, 1)))
+    predicted = model.transformation(support_states(extremes), actions.flatten(0, 1))
+    variance = z_moved.var(dim=0, correction=0).sum()
+    expected = (predicted - z_moved).square().sum(dim=1).mean() / variance
+    assert loss.item() == pytest.approx(expected.item(), rel=1e-4)
+
+
+def test_only_dgcnn_can_start_so():
+    with pytest.raises(TypeError, match="DGCNN"):
+        start_as_support(LatentModel(Configuration(encoder="folding")))
