@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from regbench.contract import Problem, Registrar, Registration
+from regbench.contract import MotionPrior, Problem, Registrar, Registration
 from regbench.geometry.local_frame import LocalFrame
 from regbench.geometry.se3 import se3
 
@@ -24,14 +24,18 @@ class LatentCem(Registrar):
 
     Args:
         model: "paper", the learned networks; or "equivariant", whose latent state turns with the cloud, so that the
-            transformation network is exact. The latter is untrained: d is the distance of the latent states.
-        weights: Name of the learned weights in this package, for "paper".
-        refine: What follows the planner: "none"; "icp"; or "verify": several planners, whose answers and elites are
-            ranked by the true Chamfer distance, the best ones refined by ICP, and the one of least Chamfer distance
-            answered, with minus that distance (in extents of the target) as its `confidence`.
+            transformation network is exact and d is the distance of the latent states.
+        weights: Name of the learned weights in this package; "default": those of the model; "none": random ones, for
+            "equivariant".
+        refine: What follows the planner: "none"; "icp"; or "verify": the answers and elites of several planners, and
+            motions that matched points agree on, are ranked by the true Chamfer distance, the best ones refined by
+            ICP, and the one of least residual answered, with minus that residual (in extents of the target) as its
+            `confidence`. See refinement.py.
         start: The planner's first mean: "centroid" (no rotation, centroids matched), "prior" (the mean rotation that
             the protocol discloses), or "closed_form" (Kabsch on the latent states; for "equivariant"). A start that
-            the problem gives replaces "centroid".
+            the problem gives replaces "centroid". With "prior", refine=verify searches the prior's range alone: it
+            answers no rotation that lies outside, unless that is what the start becomes.
+        matches: Whether refine=verify takes candidates from matched points too; false: from the planners alone.
         T: Iterations of the planner. With 0 its answer is the start.
         N: Candidates in an iteration.
         K: Elites among them.
@@ -46,14 +50,16 @@ class LatentCem(Registrar):
     requires = ("torch", "safetensors")
     presets: ClassVar = {"paper": {"model": "paper", "refine": "none", "T": 10, "N": 1000, "K": 25}}
     _networks: Any = None
+    _matcher: Any = None
 
     def __init__(
         self,
         *,
         model: Literal["paper", "equivariant"] = "paper",
-        weights: str = "modelnet40",
+        weights: str = "default",
         refine: Literal["none", "icp", "verify"] = "none",
         start: Literal["centroid", "prior", "closed_form"] = "centroid",
+        matches: bool = True,
         T: int = 10,
         N: int = 1000,
         K: int = 25,
@@ -66,6 +72,7 @@ class LatentCem(Registrar):
         self.weights = weights
         self.refine = refine
         self.start = start
+        self.matches = matches
         self.T = T
         self.N = N
         self.K = K
@@ -82,12 +89,13 @@ class LatentCem(Registrar):
         """
         from regbench.errors import UserError
 
-        from .loading import load_paper_model, untrained_equivariant_model
+        from .loading import load_matcher, load_model
 
         if self.model == "paper" and self.start == "closed_form":
             raise UserError("latentcem: start=closed_form needs model=equivariant; the paper's latent state has none")
-        networks = load_paper_model(self.weights) if self.model == "paper" else untrained_equivariant_model()
-        self._networks = networks.eval().requires_grad_(False)
+        self._networks = load_model(self.model, self.weights).eval().requires_grad_(False)
+        if self.refine == "verify" and self.matches:
+            self._matcher = load_matcher().requires_grad_(False)
 
     def skip(self, problem: Problem) -> str | None:
         """Decline problems without a motion prior if the start is taken from it."""
@@ -108,9 +116,10 @@ class LatentCem(Registrar):
         times = [time.perf_counter()]
         z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
         times.append(time.perf_counter())
-        found = self._plan(z_source, z_target, self._start(problem, frame, z_source, z_target), problem.seed)
+        start = self._start(problem, frame, z_source, z_target)
+        found = self._plan(z_source, z_target, start, problem)
         times.append(time.perf_counter())
-        T_local, confidence = self._refine(found, frame)
+        T_local, confidence = self._refine(found, frame, start, problem.motion_prior)
         times.append(time.perf_counter())
         return Registration(
             T_target_source=frame.from_local(T_local),
@@ -131,7 +140,7 @@ class LatentCem(Registrar):
         frame = LocalFrame.of(problem)
         z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
         start = self._start(problem, frame, z_source, z_target)
-        return frame, self._plan(z_source, z_target, start, problem.seed, keep_candidates=True)
+        return frame, self._plan(z_source, z_target, start, problem, keep_candidates=True)
 
     def _encode(self, cloud: NDArray[np.float64], device: str) -> Any:
         """Return the latent state of one (N, 3) cloud, as a batch of one."""
@@ -155,7 +164,13 @@ class LatentCem(Registrar):
         return np.eye(4) if problem.init_T_target_source is None else frame.to_local(problem.init_T_target_source)
 
     def _plan(
-        self, z_source: Any, z_target: Any, start: NDArray[np.float64], seed: int, *, keep_candidates: bool = False
+        self,
+        z_source: Any,
+        z_target: Any,
+        start: NDArray[np.float64],
+        problem: Problem,
+        *,
+        keep_candidates: bool = False,
     ) -> Plan:
         """Run the planner; for refine=verify several of them, the first as it is alone."""
         import torch
@@ -163,11 +178,15 @@ class LatentCem(Registrar):
         from .actions import action_of
         from .planner import generators_of, plan
 
-        seeds = [seed]
-        if self.refine == "verify":
-            seeds += np.random.SeedSequence(seed).generate_state(self.restarts - 1).tolist()
-        parameter = next(self._networks.parameters())
+        seeds = [problem.seed]
         sigma0 = [self.sigma0_rad] * 3 + [self.sigma0_translation] * 3
+        if self.refine == "verify":
+            seeds += np.random.SeedSequence(problem.seed).generate_state(self.restarts - 1).tolist()
+            if self.start == "prior" and problem.motion_prior is not None:
+                # No wider than half of the range.
+                range_deg = np.subtract(problem.motion_prior.angle_max_deg, problem.motion_prior.angle_min_deg)
+                sigma0[:3] = np.minimum(sigma0[:3], np.radians(range_deg) / 2).tolist()
+        parameter = next(self._networks.parameters())
         return plan(
             self._networks.reward(z_source, z_target),
             torch.tensor(action_of(start)).to(parameter).repeat(len(seeds), 1),
@@ -179,12 +198,14 @@ class LatentCem(Registrar):
             keep_candidates=keep_candidates,
         )
 
-    def _refine(self, found: Plan, frame: LocalFrame) -> tuple[NDArray[np.float64], float | None]:
+    def _refine(
+        self, found: Plan, frame: LocalFrame, start: NDArray[np.float64], prior: MotionPrior | None
+    ) -> tuple[NDArray[np.float64], float | None]:
         """Return the answer in the local frame, and the confidence in it if there is one."""
         from regbench.geometry.icp import icp
 
         from .actions import motion_of
-        from .refinement import verified
+        from .refinement import inside, octants, verified
 
         answers = [motion_of(action) for action in found.actions.cpu().numpy()]
         if self.refine == "none":
@@ -194,6 +215,24 @@ class LatentCem(Registrar):
             return result.T_target_source, None
         # The first iteration's best are the most different from the answers.
         early = found.elites[:1, :, :1].reshape(-1, found.elites.shape[3]).cpu().numpy()
-        candidates = answers + [motion_of(action) for action in early]
-        T_local, chamfer = verified(candidates, frame.source, frame.target, self.icp_iterations)
-        return T_local, -chamfer
+        candidates = [start, *answers, *(motion_of(action) for action in early)]
+        searched = prior if self.start == "prior" else None
+        if searched is not None:
+            candidates += octants(searched)
+        answer = verified(
+            candidates,
+            frame.source,
+            frame.target,
+            self.icp_iterations,
+            more=lambda: self._matched(frame),
+            allowed=lambda T: searched is None or inside(searched, T),
+        )
+        return answer.T_target_source, -answer.residual
+
+    def _matched(self, frame: LocalFrame) -> list[NDArray[np.float64]]:
+        """Return the motions that matched points agree on, in the local frame."""
+        if not self.matches:
+            return []
+        import torch
+
+        return list(self._matcher.motions(torch.from_numpy(frame.source), torch.from_numpy(frame.target)).numpy())
