@@ -25,8 +25,8 @@ class LatentCem(Registrar):
     Args:
         model: "paper", the learned networks; or "equivariant", whose latent state turns with the cloud, so that the
             transformation network is exact and d is the distance of the latent states.
-        weights: Name of the learned weights in this package; "default": those of the model; "none": random ones, for
-            "equivariant".
+        weights: Name of the learned weights in this package, or a path that ends in .safetensors; "default": those of
+            the model; "none": random ones, for "equivariant".
         refine: What follows the planner: "none"; "icp"; or "verify": the answers and elites of several planners, and
             motions that matched points agree on, are ranked by the true Chamfer distance, the best ones refined by
             ICP, and the one of least residual answered, with minus that residual (in extents of the target) as its
