@@ -1,65 +1,99 @@
-"""What a point knows of its surroundings and no rotation changes: 19 numbers."""
+"""What a point knows of its surroundings and no rotation changes.
+
+Surroundings are Gaussian windows of several widths, not the k nearest points: they change smoothly with every point,
+and little when the cloud is sampled anew.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
+
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
-NEIGHBOURHOODS = (8, 32, 96)
-# The distance to the centroid, then six numbers for each neighbourhood.
-GROUPS = (1, 6, 6, 6)
+# Standard deviations of the windows in extents. Each is half the one before: see `_weights`.
+WIDTHS = (0.4, 0.2, 0.1, 0.05)
+# The encoder's groups of invariants: the distance to the centroid, then seven numbers for each of the wider windows.
+# The narrowest one moves with the noise.
+ENCODER_WIDTHS = 3
+GROUPS = (1, 7, 7, 7)
 INVARIANTS = sum(GROUPS)
+# Rows of the N x N weights that are held at a time.
+CHUNK = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Moments of a cloud within a Gaussian window about each of B x n points, lengths in the window's width.
+
+    Attributes:
+        offset: (B, n, 3), from the point to the mean.
+        mean: (B, n, 3), in the cloud's unit.
+        spreads: (B, n, 3), square roots of the covariance's eigenvalues, least first.
+        axes: (B, n, 3, 3), its eigenvectors as columns; their signs mean nothing.
+        density: (B, n, 1), 0.3 times the logarithm of the mean weight: about as variable as the others.
+    """
+
+    offset: Tensor
+    mean: Tensor
+    spreads: Tensor
+    axes: Tensor
+    density: Tensor
 
 
 def local_invariants(clouds: Tensor) -> Tensor:
-    """Return the invariants of every point of centred clouds.
+    """Return the encoder's invariants of every point of centred clouds.
 
-    The distance to the centroid |x|; then for the 8, 32 and 96 nearest other points (fewer in a smaller cloud), with
-    their mean m: 2 |m - x|, |m|, 2 (m - x) . x, and twice the square roots of the three eigenvalues of their
-    covariance. The factors bring the numbers to about one size on clouds of unit extent.
+    The distance to the centroid |x|; then for each window with mean m, of width s: |m - x| / s, |m|,
+    (m - x) . x / s, the three spreads and the density.
 
     Args:
-        clouds: (B, N, 3), each about its centroid, N >= 1. In float64 the nearest points of a copy are the same ones.
+        clouds: (B, N, 3), each about its centroid, N >= 1, in units of its extent. Time grows with N^2.
 
     Returns:
-        (B, N, 19), without gradients.
+        (B, N, 22), without gradients.
     """
     with torch.no_grad():
-        features = [torch.linalg.vector_norm(clouds, dim=2)[:, :, None]]
-        near = _nearest_others(clouds, max(NEIGHBOURHOODS))  # (B, N, k, 3)
-        for size in NEIGHBOURHOODS:
-            group = near[:, :, :size]
-            mean = group.mean(dim=2)
-            offset, spread = mean - clouds, group - mean[:, :, None]
-            eigenvalues = torch.linalg.eigvalsh(spread.transpose(2, 3) @ spread / group.shape[2])
-            features += [
-                2 * torch.linalg.vector_norm(offset, dim=2)[:, :, None],
-                torch.linalg.vector_norm(mean, dim=2)[:, :, None],
-                2 * (offset * clouds).sum(dim=2)[:, :, None],
-                2 * eigenvalues.clamp(min=0).sqrt(),
-            ]
-        return torch.cat(features, dim=2)
+        chunks = []
+        for points in torch.split(clouds, CHUNK, dim=1):
+            features = [_length(points)]
+            for window in gaussian_windows(points, clouds, ENCODER_WIDTHS):
+                inward = (window.offset * points).sum(dim=2, keepdim=True)
+                features += [_length(window.offset), _length(window.mean), inward, window.spreads, window.density]
+            chunks.append(torch.cat(features, dim=2))
+        return torch.cat(chunks, dim=1)
 
 
-def _nearest_others(clouds: Tensor, most: int) -> Tensor:
-    """Return the nearest other points, nearest first: (B, N, min(most, N - 1), 3); a single point is its own."""
-    count = min(most + 1, clouds.shape[1])
-    order = (nearest_by_tree if clouds.device.type == "cpu" else nearest_by_distances)(clouds, count)
-    order = order[:, :, 1:] if count > 1 else order  # the first is the point itself, or one at the same place
-    batch = torch.arange(len(clouds), device=clouds.device)[:, None, None]
-    return clouds[batch, order]
+def gaussian_windows(points: Tensor, clouds: Tensor, count: int = len(WIDTHS)) -> list[Window]:
+    """Return the first `count` windows, widest first, of (B, N, 3) clouds about (B, n, 3) points."""
+    squares = (clouds[..., :, None] * clouds[..., None, :]).flatten(2)
+    moments = torch.cat([torch.ones_like(clouds[..., :1]), clouds, squares], dim=2)  # (B, N, 13)
+    windows = []
+    for width, weights in zip(WIDTHS, _weights(points, clouds, count), strict=False):
+        total, first, second = torch.split(weights @ moments, [1, 3, 9], dim=2)
+        mean = first / total
+        covariance = (second / total).reshape(*mean.shape, 3) - mean[..., :, None] * mean[..., None, :]
+        values, axes = torch.linalg.eigh(covariance)
+        density = 0.3 * (total / clouds.shape[1]).log()
+        # The root of a flat neighbourhood's zero would be its rounding error's, many times greater.
+        spreads = values.clamp(min=1e-12).sqrt() / width
+        windows.append(Window((mean - points) / width, mean, spreads, axes, density))
+    return windows
 
 
-def nearest_by_tree(clouds: Tensor, count: int) -> Tensor:
-    """Return the `count` nearest points of every point, nearest first: (B, N, count). Any N; on the CPU."""
-    orders = [cKDTree(cloud).query(cloud, count)[1].reshape(-1, count) for cloud in clouds.numpy()]
-    return torch.from_numpy(np.stack(orders))
+def _weights(points: Tensor, clouds: Tensor, count: int) -> list[Tensor]:
+    """Return exp(-|x - y|^2 / 2 s^2) of every point and every point of its cloud, for each width s: (B, n, N)."""
+    # |x - y|^2 = |x|^2 + |y|^2 - 2 x . y as one product: in float64 its rounding is nothing here.
+    of_points, of_clouds = points.square().sum(dim=2, keepdim=True), clouds.square().sum(dim=2, keepdim=True)
+    left = torch.cat([points, of_points, torch.ones_like(of_points)], dim=2)
+    right = torch.cat([-2 * clouds, torch.ones_like(of_clouds), of_clouds], dim=2)
+    weights = [(left @ right.transpose(1, 2)).mul_(-0.5 / WIDTHS[0] ** 2).exp_()]
+    for _ in range(1, count):
+        # Half the width is the fourth power: cheaper than another exponential.
+        weights.append(weights[-1].square().square_())
+    return weights
 
 
-def nearest_by_distances(clouds: Tensor, count: int) -> Tensor:
-    """Return the same from all N x N distances, for the many cores of a GPU."""
-    distances = torch.cdist(clouds, clouds, compute_mode="donot_use_mm_for_euclid_dist")
-    order: Tensor = distances.topk(count, dim=2, largest=False).indices
-    return order
+def _length(vectors: Tensor) -> Tensor:
+    lengths: Tensor = torch.linalg.vector_norm(vectors, dim=2, keepdim=True)
+    return lengths

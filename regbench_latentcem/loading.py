@@ -3,14 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from regbench.errors import UserError
 from regbench.learning.weights import SUFFIX, load_weights
 
 from .equivariant import VectorEncoder
+from .matching import Matcher
 from .model import Configuration, EquivariantModel, LatentModel
 
 FOLDER = Path(__file__).parent / "weights"
+MATCHER = FOLDER / "matcher.safetensors"
+
+
+def load_model(model: Literal["paper", "equivariant"], weights: str) -> LatentModel | EquivariantModel:
+    """Return a model with weights of this package.
+
+    Args:
+        model: Which one.
+        weights: Their name; "default"; or "none": random ones, for "equivariant".
+
+    Raises:
+        UserError: There are no such weights, or they are damaged or of another model.
+    """
+    if model == "paper":
+        return load_paper_model("modelnet40" if weights == "default" else weights)
+    if weights == "none":
+        return untrained_equivariant_model()
+    return load_equivariant_model("equivariant" if weights == "default" else weights)
 
 
 def weights_path(name: str) -> Path:
@@ -47,6 +67,29 @@ def load_paper_model(name: str) -> LatentModel:
     model = LatentModel(configuration)
     weights.load_into(model.without_decoder())
     return model
+
+
+def load_equivariant_model(name: str) -> EquivariantModel:
+    """Return the equivariant model with weights of this package, or of a path; see `weights_path`.
+
+    Raises:
+        UserError: There are no such weights, or they are damaged or of another model.
+    """
+    weights = load_weights(weights_path(name))
+    model = untrained_equivariant_model()
+    weights.load_into(model.encoder)
+    return model
+
+
+def load_matcher() -> Matcher:
+    """Return the fitted matcher of this package.
+
+    Raises:
+        UserError: Its weights are missing or damaged.
+    """
+    matcher = Matcher()
+    load_weights(MATCHER).load_into(matcher)
+    return matcher
 
 
 def untrained_equivariant_model() -> EquivariantModel:

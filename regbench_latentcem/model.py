@@ -61,6 +61,21 @@ class Configuration:
         return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
 
 
+@dataclass(frozen=True)
+class FirstActions:
+    """Where the planner's search naturally starts for a model.
+
+    Attributes:
+        mean_rad: mu_0 of the three angles; the translation's is 0.
+        deviation_rad: sigma_0 of the three angles.
+        deviation_translation: sigma_0 of the translation, in extents of the target.
+    """
+
+    mean_rad: float
+    deviation_rad: float
+    deviation_translation: float
+
+
 class LatentModel(nn.Module):
     """The four networks. Clouds enter centred, in units of the target's extent.
 
@@ -80,6 +95,12 @@ class LatentModel(nn.Module):
         self.transformation = TransformationNetwork(widths=configuration.transformation_widths)
         self.evaluation = EvaluationNetwork(widths=configuration.evaluation_widths)
 
+    @property
+    def first_actions(self) -> FirstActions:
+        """The actions that the model was trained on."""
+        own = self.configuration
+        return FirstActions(own.action_mean_rad, own.action_deviation_rad, own.action_deviation_translation)
+
     def without_decoder(self) -> nn.ModuleDict:
         """Return the networks that registration needs, under their own names."""
         return nn.ModuleDict({name: network for name, network in self.named_children() if name != "decoder"})
@@ -97,7 +118,8 @@ class LatentModel(nn.Module):
 class EquivariantModel(nn.Module):
     """Vectors that turn with the cloud; the transformation network is the rotation itself. Works in float64.
 
-    Clouds enter centred, in units of the target's extent.
+    Clouds enter centred, in units of the target's extent. f is exact for every action, so that the search starts at
+    none and as wide as CEMNet's, the next paper of LatentCEM's first author.
 
     Args:
         encoder: Untrained as it is built.
@@ -108,6 +130,7 @@ class EquivariantModel(nn.Module):
         super().__init__()
         self.encoder = encoder
         self.evaluation = evaluation
+        self.first_actions = FirstActions(0.0, 1.0, 0.5)
 
     def encode(self, clouds: Tensor) -> VectorState:
         """Map (B, N, 3) float64 clouds to their latent states."""

@@ -2,43 +2,190 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from regbench.geometry.chamfer import chamfer_distance
+from regbench.contract import MotionPrior
 from regbench.geometry.icp import icp
-from regbench.geometry.se3 import transform
+from regbench.geometry.se3 import euler_deg_from_rotation, invert, rotation_from_euler_deg, se3, transform
 
 Motion = NDArray[np.float64]
 Points = NDArray[np.float64]
 
-# How many of the ranked candidates are refined.
-REFINED = 3
+# How many of the ranked candidates are refined roughly, on so many points and with so many iterations, and how many of
+# those to the end; the start is refined besides.
+REFINED, FINISHED = 6, 2
+RANKED_ON, ROUGH_ITERATIONS = 256, 20
+# Distances, in spacings of the target, beyond which a point counts as one without a partner: generous where the clouds
+# cover each other, narrow where only a part of them does.
+WIDE, NARROW = 3.0, 1.0
+# The clouds cover each other if so many of their points have a partner within four spacings.
+COVERED = 0.985
+# Of self-made pairs, resampled ones that cover each other reach a narrow residual within 0.03 of the best; crops, which
+# can be made to cover each other by a wrong motion, do not.
+AS_GOOD = 0.03
+# Independent samples of a surface have a narrow residual of at least 0.81 spacings, whatever the motion.
+A_COPY = 0.78
+# Motions whose residuals differ by less cannot be told apart by them: of such, the one nearest to the start is taken.
+TIE = 0.05
+# An answer may lie so much outside a prior's range: ICP's own error.
+MARGIN_DEG = 6.0
+# Motions that differ by less are the same one after the last step; by half of it (and so much in place), before.
+SAME_DEG = 10.0
+SAME_PLACE = 0.05
+# How many of the further candidates are ranked.
+MOST_MORE = 24
+# Rounding of residuals, in extents.
+EXACT = 1e-9
 
 
-def verified(candidates: Sequence[Motion], source: Points, target: Points, icp_iterations: int) -> tuple[Motion, float]:
-    """Return the best of several motions after ICP, and its Chamfer distance.
+@dataclass(frozen=True, eq=False)
+class Verified:
+    """The best of several motions.
 
-    The candidates are ranked by the true Chamfer distance, the first ones are refined by ICP, and of what comes out
-    and of the first one itself the motion of least Chamfer distance is the answer.
+    Attributes:
+        T_target_source: (4, 4) float64.
+        residual: Root mean square distance of nearest points, each at most `WIDE` or `NARROW` spacings.
+        narrow: The same, at most `NARROW`.
+        covered: Share of all points that have a partner within four spacings.
+    """
+
+    T_target_source: Motion
+    residual: float
+    narrow: float
+    covered: float
+
+
+class Residuals:
+    """Distances of nearest points, from either cloud to the other, under a motion.
 
     Args:
-        candidates: (4, 4) motions T_target_source, at least one.
+        source: (N, 3).
+        target: (M, 3).
+    """
+
+    def __init__(self, source: Points, target: Points) -> None:
+        self._clouds = source, target
+        self._trees = cKDTree(source), cKDTree(target)
+        own = np.asarray(self._trees[1].query(target, min(2, len(target)))[0])
+        self.spacing = float(np.median(own.reshape(len(target), -1)[:, -1]))
+
+    def distances(self, T: Motion, step: int = 1) -> Points:
+        """Return the distances of every `step`-th point of both clouds, one after the other."""
+        source, target = (cloud[::step] for cloud in self._clouds)
+        forth = self._trees[1].query(transform(T, source))[0]
+        back = self._trees[0].query(transform(invert(T), target))[0]
+        return np.concatenate([np.asarray(forth), np.asarray(back)])
+
+    def verified(self, T: Motion, counted: float) -> Verified:
+        """Return what there is to say of a motion, its residual truncated at `counted` spacings."""
+        distances = self.distances(T)
+        covered = float(np.mean(distances < 4 * self.spacing)) if self.spacing else 1.0
+        return Verified(T, self.truncated(distances, counted), self.truncated(distances, NARROW), covered)
+
+    def truncated(self, distances: Points, spacings: float) -> float:
+        """Return the root mean square of distances of which none counts more than so many spacings."""
+        return float(np.sqrt(np.mean(np.minimum(distances, spacings * self.spacing) ** 2)))
+
+
+def verified(
+    candidates: Sequence[Motion],
+    source: Points,
+    target: Points,
+    icp_iterations: int,
+    *,
+    more: Callable[[], Sequence[Motion]] = lambda: (),
+    allowed: Callable[[Motion], bool] = lambda T: True,
+) -> Verified:
+    """Return the best of several motions after ICP.
+
+    The candidates are ranked by the Chamfer distance (squared, truncated, on a part of the points), the first ones are
+    refined by ICP, and the one of least residual is the answer; among those as good, the nearest to the start. This is
+    done twice: for clouds that share a part, with near pairs alone, and for clouds that cover each other, with all.
+    The second answer is taken if it covers the clouds and is, by the measure of the first, as good.
+
+    Args:
+        candidates: (4, 4) motions T_target_source; the first is the start, which is always refined.
         source: (N, 3).
         target: (M, 3).
         icp_iterations: Most iterations of ICP.
+        more: Makes further candidates. It is not asked if the second candidate ends at what only a copy can have.
+        allowed: Which motions may be answered, besides what the start becomes.
     """
+    of = Residuals(source, target)
 
-    def distance(T: Motion) -> float:
-        return chamfer_distance(transform(T, source), target)
+    def refined(T: Motion, reach: float, iterations: int, step: int = 1) -> Motion:
+        far = reach * of.spacing if of.spacing else np.inf
+        return icp(source[::step], target, T, max_iterations=iterations, max_distance=far).T_target_source
 
-    ranked = sorted(((distance(T), i) for i, T in enumerate(candidates)))
-    best = candidates[ranked[0][1]]
-    refined = [
-        icp(source, target, candidates[i], max_iterations=icp_iterations).T_target_source for _, i in ranked[:REFINED]
-    ]
-    scored = [(distance(T), T) for T in refined] + [(ranked[0][0], best)]
-    least, answer = min(scored, key=lambda pair: pair[0])
-    return answer, least
+    first = of.verified(refined(candidates[:2][-1], np.inf, icp_iterations), WIDE)
+    if allowed(first.T_target_source) and first.covered >= COVERED and first.narrow < A_COPY * of.spacing:
+        return first
+    start, rest = candidates[0], [T for T in candidates[1:] if allowed(T)]
+    rest += _distinct([T for T in more() if allowed(T)], MOST_MORE)
+    step = -(-max(len(source), len(target)) // RANKED_ON)
+    coarse = [(T, of.distances(T, step)) for T in rest]
+
+    def best(reach: float, counted: float) -> Verified:
+        """Refine the candidates that are best when pairs up to `reach` count; judge by distances up to `counted`."""
+        ranked = sorted(coarse, key=lambda pair: of.truncated(pair[1], min(reach, 1.5 * counted)))
+        chosen = [start, *_distinct([T for T, _ in ranked], REFINED)]
+        rough = [refined(T, reach, ROUGH_ITERATIONS, step) for T in chosen]
+        rough[1:] = sorted(rough[1:], key=lambda T: of.truncated(of.distances(T), counted))[:FINISHED]
+        motions = [refined(T, reach, icp_iterations) for T in rough]
+        return _nearest_of_the_best(
+            [of.verified(T, counted) for k, T in enumerate(motions) if k == 0 or allowed(T)], start
+        )
+
+    partly, wholly = best(1.5, NARROW), best(np.inf, WIDE)
+    as_good = wholly.narrow <= (1 + AS_GOOD) * partly.narrow + EXACT
+    return wholly if wholly.covered >= COVERED and as_good else partly
+
+
+def _distinct(motions: Sequence[Motion], most: int) -> list[Motion]:
+    """Return the first motions that are not nearly the same as one before."""
+    chosen: list[Motion] = []
+    for T in motions:
+        if len(chosen) == most:
+            break
+        if all(angle_deg(T, other) > SAME_DEG / 2 or _distance(T, other) > SAME_PLACE for other in chosen):
+            chosen.append(T)
+    return chosen
+
+
+def _nearest_of_the_best(found: Sequence[Verified], start: Motion) -> Verified:
+    """Return the motion of least residual, or one as good that turns less from the start."""
+    least = min(each.residual for each in found)
+    tied = [each for each in found if each.residual <= (1 + TIE) * least + EXACT]
+    nearest = min(tied, key=lambda each: angle_deg(each.T_target_source, start))
+    same = [each for each in tied if angle_deg(each.T_target_source, nearest.T_target_source) < SAME_DEG]
+    return min(same, key=lambda each: each.residual)
+
+
+def _distance(first: Motion, second: Motion) -> float:
+    return float(np.linalg.norm(first[:3, 3] - second[:3, 3]))
+
+
+def octants(prior: MotionPrior) -> list[Motion]:
+    """Return the rotations at the middles of the eight parts of a prior's range, centroids matched."""
+    least, greatest = np.array(prior.angle_min_deg), np.array(prior.angle_max_deg)
+    shares = 0.25 + 0.5 * np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
+    return [se3(rotation_from_euler_deg(least + share * (greatest - least)), np.zeros(3)) for share in shares]
+
+
+def inside(prior: MotionPrior, T_target_source: Motion) -> bool:
+    """Return whether a motion's angles are in a prior's range, or off it by no more than `MARGIN_DEG`."""
+    angles = euler_deg_from_rotation(T_target_source[:3, :3])
+    above = angles >= np.array(prior.angle_min_deg) - MARGIN_DEG
+    below = angles <= np.array(prior.angle_max_deg) + MARGIN_DEG
+    return bool((above & below).all())
+
+
+def angle_deg(first: Motion, second: Motion) -> float:
+    """Return the angle between the rotations of two (4, 4) motions."""
+    cosine = (np.sum(first[:3, :3] * second[:3, :3]) - 1) / 2
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from regbench.contract import Problem, Registrar, Registration
+from regbench.contract import MotionPrior, Problem, Registrar, Registration
 from regbench.geometry.local_frame import LocalFrame
-from regbench.geometry.se3 import se3
+from regbench.geometry.se3 import rotation_from_euler_deg, se3
 
 if TYPE_CHECKING:
     from .planner import Plan
@@ -24,19 +24,27 @@ class LatentCem(Registrar):
 
     Args:
         model: "paper", the learned networks; or "equivariant", whose latent state turns with the cloud, so that the
-            transformation network is exact. The latter is untrained: d is the distance of the latent states.
-        weights: Name of the learned weights in this package, for "paper".
-        refine: What follows the planner: "none"; "icp"; or "verify": several planners, whose answers and elites are
-            ranked by the true Chamfer distance, the best ones refined by ICP, and the one of least Chamfer distance
-            answered, with minus that distance (in extents of the target) as its `confidence`.
-        start: The planner's first mean: "centroid" (no rotation, centroids matched), "prior" (the mean rotation that
-            the protocol discloses), or "closed_form" (Kabsch on the latent states; for "equivariant"). A start that
-            the problem gives replaces "centroid".
+            transformation network is exact and d is the distance of the latent states.
+        weights: Name of the learned weights in this package, or a path that ends in .safetensors; "default": those of
+            the model; "none": random ones, for "equivariant".
+        refine: What follows the planner: "none"; "icp"; or "verify": the answers and elites of several planners, and
+            motions that matched points agree on, are ranked by the true Chamfer distance, the best ones refined by
+            ICP, and the one of least residual answered, with minus that residual (in extents of the target) as its
+            `confidence`. See refinement.py.
+        start: The planner's first mean, mu_0, which the paper does not say: "model" (the mean of the actions that the
+            model was trained on; for "equivariant", whose f is exact, no rotation), "centroid" (no rotation, centroids
+            matched), "prior" (the mean rotation that the protocol discloses), or "closed_form" (Kabsch on the latent
+            states; for "equivariant"). A start that the problem gives replaces the first two. With "prior",
+            refine=verify searches the prior's range alone: it answers no rotation that lies outside, unless that is
+            what the start becomes.
+        matches: Whether refine=verify takes candidates from matched points too; false: from the planners alone.
         T: Iterations of the planner. With 0 its answer is the start.
         N: Candidates in an iteration.
         K: Elites among them.
-        sigma0_rad: First standard deviation of the three angles. The paper does not say; CEMNet's.
-        sigma0_translation: First standard deviation of the translation, in extents of the target. Likewise.
+        sigma0_rad: First standard deviation of the three angles, which the paper does not say either; none: that of
+            the trained actions, for "equivariant" 1.
+        sigma0_translation: First standard deviation of the translation, in extents of the target; none: likewise,
+            for "equivariant" 0.5.
         restarts: Planners of refine=verify, each with random draws of its own.
         icp_iterations: Most iterations of ICP.
     """
@@ -46,19 +54,21 @@ class LatentCem(Registrar):
     requires = ("torch", "safetensors")
     presets: ClassVar = {"paper": {"model": "paper", "refine": "none", "T": 10, "N": 1000, "K": 25}}
     _networks: Any = None
+    _matcher: Any = None
 
     def __init__(
         self,
         *,
         model: Literal["paper", "equivariant"] = "paper",
-        weights: str = "modelnet40",
+        weights: str = "default",
         refine: Literal["none", "icp", "verify"] = "none",
-        start: Literal["centroid", "prior", "closed_form"] = "centroid",
+        start: Literal["model", "centroid", "prior", "closed_form"] = "model",
+        matches: bool = True,
         T: int = 10,
         N: int = 1000,
         K: int = 25,
-        sigma0_rad: float = 1.0,
-        sigma0_translation: float = 0.5,
+        sigma0_rad: float | None = None,
+        sigma0_translation: float | None = None,
         restarts: int = 4,
         icp_iterations: int = 100,
     ) -> None:
@@ -66,6 +76,7 @@ class LatentCem(Registrar):
         self.weights = weights
         self.refine = refine
         self.start = start
+        self.matches = matches
         self.T = T
         self.N = N
         self.K = K
@@ -82,12 +93,13 @@ class LatentCem(Registrar):
         """
         from regbench.errors import UserError
 
-        from .loading import load_paper_model, untrained_equivariant_model
+        from .loading import load_matcher, load_model
 
         if self.model == "paper" and self.start == "closed_form":
             raise UserError("latentcem: start=closed_form needs model=equivariant; the paper's latent state has none")
-        networks = load_paper_model(self.weights) if self.model == "paper" else untrained_equivariant_model()
-        self._networks = networks.eval().requires_grad_(False)
+        self._networks = load_model(self.model, self.weights).eval().requires_grad_(False)
+        if self.refine == "verify" and self.matches:
+            self._matcher = load_matcher().requires_grad_(False)
 
     def skip(self, problem: Problem) -> str | None:
         """Decline problems without a motion prior if the start is taken from it."""
@@ -108,9 +120,10 @@ class LatentCem(Registrar):
         times = [time.perf_counter()]
         z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
         times.append(time.perf_counter())
-        found = self._plan(z_source, z_target, self._start(problem, frame, z_source, z_target), problem.seed)
+        start = self._start(problem, frame, z_source, z_target)
+        found = self._plan(z_source, z_target, start, problem)
         times.append(time.perf_counter())
-        T_local, confidence = self._refine(found, frame)
+        T_local, confidence = self._refine(found, frame, start, problem.motion_prior)
         times.append(time.perf_counter())
         return Registration(
             T_target_source=frame.from_local(T_local),
@@ -131,7 +144,7 @@ class LatentCem(Registrar):
         frame = LocalFrame.of(problem)
         z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
         start = self._start(problem, frame, z_source, z_target)
-        return frame, self._plan(z_source, z_target, start, problem.seed, keep_candidates=True)
+        return frame, self._plan(z_source, z_target, start, problem, keep_candidates=True)
 
     def _encode(self, cloud: NDArray[np.float64], device: str) -> Any:
         """Return the latent state of one (N, 3) cloud, as a batch of one."""
@@ -152,10 +165,19 @@ class LatentCem(Registrar):
             if problem.motion_prior is None:
                 raise ValueError("start=prior needs a motion prior, and the problem discloses none")
             return se3(problem.motion_prior.mean_T_target_source()[:3, :3], np.zeros(3))
-        return np.eye(4) if problem.init_T_target_source is None else frame.to_local(problem.init_T_target_source)
+        if problem.init_T_target_source is not None:
+            return frame.to_local(problem.init_T_target_source)
+        mean_deg = np.degrees(self._networks.first_actions.mean_rad) if self.start == "model" else 0.0
+        return se3(rotation_from_euler_deg([mean_deg] * 3), np.zeros(3))
 
     def _plan(
-        self, z_source: Any, z_target: Any, start: NDArray[np.float64], seed: int, *, keep_candidates: bool = False
+        self,
+        z_source: Any,
+        z_target: Any,
+        start: NDArray[np.float64],
+        problem: Problem,
+        *,
+        keep_candidates: bool = False,
     ) -> Plan:
         """Run the planner; for refine=verify several of them, the first as it is alone."""
         import torch
@@ -163,11 +185,18 @@ class LatentCem(Registrar):
         from .actions import action_of
         from .planner import generators_of, plan
 
-        seeds = [seed]
+        seeds = [problem.seed]
+        first = self._networks.first_actions
+        sigma0_rad = first.deviation_rad if self.sigma0_rad is None else self.sigma0_rad
+        sigma0_translation = first.deviation_translation if self.sigma0_translation is None else self.sigma0_translation
+        sigma0 = [sigma0_rad] * 3 + [sigma0_translation] * 3
         if self.refine == "verify":
-            seeds += np.random.SeedSequence(seed).generate_state(self.restarts - 1).tolist()
+            seeds += np.random.SeedSequence(problem.seed).generate_state(self.restarts - 1).tolist()
+            if self.start == "prior" and problem.motion_prior is not None:
+                # No wider than half of the range.
+                range_deg = np.subtract(problem.motion_prior.angle_max_deg, problem.motion_prior.angle_min_deg)
+                sigma0[:3] = np.minimum(sigma0[:3], np.radians(range_deg) / 2).tolist()
         parameter = next(self._networks.parameters())
-        sigma0 = [self.sigma0_rad] * 3 + [self.sigma0_translation] * 3
         return plan(
             self._networks.reward(z_source, z_target),
             torch.tensor(action_of(start)).to(parameter).repeat(len(seeds), 1),
@@ -179,12 +208,14 @@ class LatentCem(Registrar):
             keep_candidates=keep_candidates,
         )
 
-    def _refine(self, found: Plan, frame: LocalFrame) -> tuple[NDArray[np.float64], float | None]:
+    def _refine(
+        self, found: Plan, frame: LocalFrame, start: NDArray[np.float64], prior: MotionPrior | None
+    ) -> tuple[NDArray[np.float64], float | None]:
         """Return the answer in the local frame, and the confidence in it if there is one."""
         from regbench.geometry.icp import icp
 
         from .actions import motion_of
-        from .refinement import verified
+        from .refinement import inside, octants, verified
 
         answers = [motion_of(action) for action in found.actions.cpu().numpy()]
         if self.refine == "none":
@@ -194,6 +225,24 @@ class LatentCem(Registrar):
             return result.T_target_source, None
         # The first iteration's best are the most different from the answers.
         early = found.elites[:1, :, :1].reshape(-1, found.elites.shape[3]).cpu().numpy()
-        candidates = answers + [motion_of(action) for action in early]
-        T_local, chamfer = verified(candidates, frame.source, frame.target, self.icp_iterations)
-        return T_local, -chamfer
+        candidates = [start, *answers, *(motion_of(action) for action in early)]
+        searched = prior if self.start == "prior" else None
+        if searched is not None:
+            candidates += octants(searched)
+        answer = verified(
+            candidates,
+            frame.source,
+            frame.target,
+            self.icp_iterations,
+            more=lambda: self._matched(frame),
+            allowed=lambda T: searched is None or inside(searched, T),
+        )
+        return answer.T_target_source, -answer.residual
+
+    def _matched(self, frame: LocalFrame) -> list[NDArray[np.float64]]:
+        """Return the motions that matched points agree on, in the local frame."""
+        if not self.matches:
+            return []
+        import torch
+
+        return list(self._matcher.motions(torch.from_numpy(frame.source), torch.from_numpy(frame.target)).numpy())

@@ -69,7 +69,7 @@ class Settings(BaseModel):
     reconstruction_weight: float = Field(1.0, ge=0)
     transformation_weight: float = Field(1.0, ge=0)
     evaluation_weight: float = Field(30.0, ge=0)
-    evaluation_rate: float = Field(0.15, gt=0)
+    evaluation_rate: float = Field(0.002, gt=0)
     encoder: Literal["dgcnn", "folding"] = "dgcnn"
     decoder: Literal["folding", "mlp"] = "folding"
 
@@ -129,7 +129,11 @@ class LatentCemTraining(Trainable):
         weights.load_into(cast(LatentModel, network).without_decoder())
 
     def learning_rate_factors(self, network: nn.Module) -> dict[str, float]:
-        """Return a lower rate for d: at f's own it lost its start as a measure before it had learned distances."""
+        """Return a lower rate for d, which starts as a measure of z' - z.
+
+        Trained faster it predicts distances better and the planner's answers get worse: at a factor of 0.15 its median
+        error doubled in 1000 steps.
+        """
         return {"evaluation.": self.table.evaluation_rate}
 
     def card(self) -> dict[str, Any]:

@@ -92,9 +92,9 @@ def _figures(model: LatentModel, batch: dict[str, Tensor]) -> dict[str, float]:
 
 def _plan(model: LatentModel, z_source: Tensor, z_target: Tensor) -> Tensor:
     """Return the answers of the planner with the registrar's parameters, from the trained actions' mean, (P, 6)."""
-    registrar, trained = LatentCem(), model.configuration
-    mean = torch.tensor([trained.action_mean_rad] * 3 + [0.0] * 3).to(z_source)
-    sigma0 = torch.tensor([trained.action_deviation_rad] * 3 + [trained.action_deviation_translation] * 3).to(z_source)
+    registrar, first_actions = LatentCem(), model.first_actions
+    mean = torch.tensor([first_actions.mean_rad] * 3 + [0.0] * 3).to(z_source)
+    sigma0 = torch.tensor([first_actions.deviation_rad] * 3 + [first_actions.deviation_translation] * 3).to(z_source)
     answers = []
     for first in range(0, len(z_source), AT_ONCE):
         some = slice(first, min(first + AT_ONCE, len(z_source)))

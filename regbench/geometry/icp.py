@@ -33,21 +33,28 @@ def icp(
     start: NDArray[np.float64],
     *,
     max_iterations: int = 100,
+    max_distance: float = np.inf,
 ) -> IcpResult:
-    """Align two clouds by point-to-point ICP (Besl and McKay 1992); every source point is matched.
+    """Align two clouds by point-to-point ICP (Besl and McKay 1992).
 
     Args:
         source: (N, 3), N >= 1.
         target: (M, 3), M >= 1.
         start: (4, 4) first guess of T_target_source.
         max_iterations: Most motions computed.
+        max_distance: Pairs farther apart are left out; where fewer than three are left, the motion so far is the
+            answer.
     """
     tree = cKDTree(target)
     T, matches = np.array(start, dtype=np.float64), None
     for iteration in range(max_iterations):
-        nearest = np.asarray(tree.query(transform(T, source))[1])
+        # A point without a match within max_distance gets the index len(target).
+        nearest = np.asarray(tree.query(transform(T, source), distance_upper_bound=max_distance)[1])
         if matches is not None and np.array_equal(nearest, matches):
             return IcpResult(T, iteration, True)
         matches = nearest
-        T = kabsch(source, target[matches])
+        matched = matches < len(target)
+        if max_distance < np.inf and matched.sum() < 3:
+            return IcpResult(T, iteration, False)
+        T = kabsch(source[matched], target[matches[matched]])
     return IcpResult(T, max_iterations, False)

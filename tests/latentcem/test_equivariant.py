@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 import torch
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from regbench.geometry.kabsch import kabsch
 from regbench.testing.clouds import body
+from regbench_latentcem import invariants
 from regbench_latentcem.actions import move, rotations_of
 from regbench_latentcem.equivariant import (
     VectorEncoder,
@@ -15,7 +15,7 @@ from regbench_latentcem.equivariant import (
     latent_distance,
     latent_distance_reward,
 )
-from regbench_latentcem.invariants import local_invariants, nearest_by_distances, nearest_by_tree
+from regbench_latentcem.invariants import local_invariants
 from regbench_latentcem.pair_evaluation import PairEvaluation
 from regbench_latentcem.planner import generators_of, plan
 
@@ -73,25 +73,35 @@ def test_the_encoder_is_the_same_for_the_same_seed():
 
 
 def test_invariants_by_hand():
-    """The 19 numbers, point by point, with SciPy's tree and NumPy."""
+    """The 22 numbers, point by point, with NumPy."""
     points = body(200) - body(200).mean(axis=0)
     found = local_invariants(torch.from_numpy(points)[None])[0].numpy()
-    _, near = cKDTree(points).query(points, 97)
     for i in (0, 77):
         expected = [np.linalg.norm(points[i])]
-        for k in (8, 32, 96):
-            group = points[near[i, 1 : k + 1]]
-            offset = group.mean(axis=0) - points[i]
-            spread = np.sqrt(np.linalg.eigvalsh(np.cov(group.T, bias=True)))
-            lengths = [2 * np.linalg.norm(offset), np.linalg.norm(group.mean(axis=0)), 2 * offset @ points[i]]
-            expected += [*lengths, *(2 * spread)]
+        for width in (0.4, 0.2, 0.1):
+            weights = np.exp(-np.square(points - points[i]).sum(axis=1) / (2 * width**2))
+            mean = weights @ points / weights.sum()
+            offset = (mean - points[i]) / width
+            spreads = np.sqrt(np.linalg.eigvalsh(np.cov(points.T, aweights=weights, ddof=0))) / width
+            lengths = [np.linalg.norm(offset), np.linalg.norm(mean), offset @ points[i]]
+            expected += [*lengths, *spreads, 0.3 * np.log(weights.mean())]
         np.testing.assert_allclose(found[i], expected, atol=1e-9)
 
 
-def test_neighbours_on_the_cpu_are_those_on_a_gpu():
-    clouds = torch.cat([cloud(seed=seed) for seed in range(2)])
-    assert torch.equal(nearest_by_tree(clouds, 97), nearest_by_distances(clouds, 97))
-    assert torch.equal(nearest_by_tree(clouds[:, :1], 1), nearest_by_distances(clouds[:, :1], 1))
+def test_invariants_do_not_depend_on_the_chunks(monkeypatch):
+    points = cloud() - cloud().mean(dim=1, keepdim=True)
+    whole = local_invariants(points)
+    monkeypatch.setattr(invariants, "CHUNK", 7)
+    torch.testing.assert_close(local_invariants(points), whole, rtol=0, atol=1e-12)
+
+
+def test_mixing_changes_neither_equivariance_nor_what_an_exact_copy_tells():
+    encoder, a = VectorEncoder(channels=32), action()
+    with torch.no_grad():
+        encoder.mixing.copy_(torch.randn(32, 32, generator=torch.Generator().manual_seed(0), dtype=torch.float64))
+        source, target = encoder(cloud()), encoder(move(cloud(), a))
+        torch.testing.assert_close(source.after(a).vectors, target.vectors, rtol=0, atol=1e-8)
+        torch.testing.assert_close(closed_form(source, target)[0], rotations_of(a), rtol=0, atol=1e-8)
 
 
 def test_isotropic_vectors_reach_equally_far_and_turn_with_their_source():

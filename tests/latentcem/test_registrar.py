@@ -5,11 +5,12 @@ import sys
 import numpy as np
 import pytest
 import torch
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from regbench import Problem
+from regbench.contract import MotionPrior
 from regbench.errors import UserError
-from regbench.geometry.chamfer import chamfer_distance
 from regbench.geometry.se3 import invert, transform
 from regbench.geometry.size import extent
 from regbench.learning.weights import card_path, save_weights
@@ -79,14 +80,43 @@ def test_icp_ends_exact_where_the_planner_alone_is_near():
     np.testing.assert_allclose(refined.T_target_source, truth, atol=1e-9)
 
 
-def test_confidence_of_verify_is_minus_the_chamfer_distance_in_extents():
-    source = clouds.body(400)
-    noise = np.random.default_rng(0).normal(0, 0.01, source.shape)
-    problem = clouds.make_problem(source * 3, transform(clouds.EASY_T_TARGET_SOURCE, source * 3) + noise)
+def noisy_problem(crop=False, prior=None):
+    """Noise on both clouds, and on demand each cloud cut to 70 %; in units of three."""
+    rng = np.random.default_rng(0)
+    source = clouds.body(800) * 3
+    target = transform(clouds.EASY_T_TARGET_SOURCE, source)
+    if crop:
+        source = source[source @ rng.normal(size=3) > np.quantile(source @ np.array([1.0, 0.5, 0]), 0.3)]
+        target = target[np.argsort(target[:, 2])[: int(0.7 * len(target))]]
+    noise = (rng.normal(0, 0.01, cloud.shape) for cloud in (source, target))
+    return clouds.make_problem(source + next(noise), target + next(noise), prior=prior)
+
+
+def test_confidence_of_verify_is_minus_the_root_mean_square_residual_in_extents():
+    problem = noisy_problem()
     answer = LatentCem(model="equivariant", refine="verify").register(problem)
     moved = transform(answer.T_target_source, problem.source)
-    expected = chamfer_distance(moved, problem.target) / extent(problem.target)
+    forth, back = cKDTree(problem.target).query(moved)[0], cKDTree(moved).query(problem.target)[0]
+    expected = np.sqrt(np.mean(np.concatenate([forth, back]) ** 2)) / extent(problem.target)
     assert answer.confidence == pytest.approx(-expected, rel=1e-9)
+
+
+def test_crops_are_aligned_by_candidates_from_matched_points():
+    """The centroids of crops are not each other's, and the planner starts there."""
+    answer = LatentCem(model="equivariant", refine="verify").register(noisy_problem(crop=True))
+    assert rotation_error_deg(answer.T_target_source, clouds.EASY_T_TARGET_SOURCE) < 1.0
+    alone = LatentCem(model="equivariant", refine="icp").register(noisy_problem(crop=True))
+    assert rotation_error_deg(alone.T_target_source, clouds.EASY_T_TARGET_SOURCE) > 2.0
+
+
+def test_verify_with_the_prior_answers_nothing_outside_of_it():
+    """The truth lies outside the range that is disclosed: without the prior it is found, with it it is not."""
+    wrong = MotionPrior((50.0, 50.0, 50.0), (80.0, 80.0, 80.0), (-1.0,) * 3, (1.0,) * 3)
+    problem = noisy_problem(prior=wrong)
+    free = LatentCem(model="equivariant", refine="verify").register(problem)
+    assert rotation_error_deg(free.T_target_source, clouds.EASY_T_TARGET_SOURCE) < 1.0
+    bound = LatentCem(model="equivariant", refine="verify", start="prior").register(problem)
+    assert rotation_error_deg(bound.T_target_source, clouds.EASY_T_TARGET_SOURCE) > 5.0
 
 
 def test_a_problem_without_a_prior_is_skipped_by_start_prior():
@@ -99,6 +129,13 @@ def test_the_untrained_paper_model_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(loading, "FOLDER", tmp_path)
     with pytest.raises(UserError, match=r"no weights 'modelnet40' .*not trained yet; use latentcem\[model=equi"):
         LatentCem().prepare()
+
+
+def test_the_equivariant_model_without_weights_is_another_one():
+    problem, _ = clouds.permuted_problem()
+    noisy = clouds.make_problem(problem.source, problem.target + np.random.default_rng(0).normal(0, 0.01, (1, 3)))
+    answers = [LatentCem(model="equivariant", weights=name).register(noisy) for name in ("default", "none")]
+    assert not np.array_equal(answers[0].T_target_source, answers[1].T_target_source)
 
 
 def test_the_papers_model_has_no_closed_form():

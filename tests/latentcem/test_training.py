@@ -10,7 +10,7 @@ from regbench.protocols.seven_scenes import split_scans
 from regbench.registry import open_dataset
 from regbench_latentcem import loading
 from regbench_latentcem.losses import distances_after
-from regbench_latentcem.model import Configuration, LatentModel
+from regbench_latentcem.model import LatentModel
 from regbench_latentcem.training import LatentCemTraining
 from regbench_latentcem.validation import ValidationPairs
 
@@ -78,7 +78,7 @@ def test_unknown_settings_are_refused():
 class TrueDistances:
     """In the place of a model: its states are the clouds, and its reward the true distance."""
 
-    configuration = Configuration()
+    first_actions = LatentModel().first_actions
 
     def encode(self, clouds):
         return clouds
