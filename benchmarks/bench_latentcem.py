@@ -6,21 +6,27 @@ import statistics
 import time
 from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch.nn import functional
 
 from regbench.learning.edge_convolution import EdgeConvolution
 from regbench.learning.neighbours import nearest_neighbours
+from regbench_latentcem.actions import move
 from regbench_latentcem.dynamics import EvaluationNetwork, TransformationNetwork, learned_reward
 from regbench_latentcem.encoder import DgcnnEncoder
+from regbench_latentcem.losses import reconstruction_loss, training_losses, transformation_loss
+from regbench_latentcem.model import LatentModel
 from regbench_latentcem.planner import generators_of, plan
+from regbench_latentcem.sampling import Sampling, draw_sample
+from regbench_latentcem.support import start_as_support
 
 CLOUDS, POINTS, REPEATS = 4, 784, 7
 
 
 def naive_edge(layer: EdgeConvolution, features: torch.Tensor) -> torch.Tensor:
     distances = torch.cdist(features, features)
-    neighbours = distances.sort(dim=2).indices[:, :, : layer.k]
+    neighbours = distances.sort(dim=2).indices[:, :, :20]
     batch = torch.arange(len(features))[:, None, None]
     near = features[batch, neighbours]
     centre = features[:, :, None].expand_as(near)
@@ -35,6 +41,25 @@ def naive_encoder(encoder: DgcnnEncoder, clouds: torch.Tensor) -> torch.Tensor:
     return functional.leaky_relu(encoder.last(torch.cat(answers, dim=2)), 0.2).amax(dim=1)
 
 
+def naive_step(model: LatentModel, source: torch.Tensor, actions: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    """Eq. 8 as printed, every cloud decoded, every product made."""
+    moved = move(source, actions)
+    clouds = torch.cat([source, moved, target])
+    states = naive_encoder(model.encoder, clouds)
+    z, z_moved, z_target = states.chunk(3)
+    predicted = model.transformation(z, actions)
+    loss = reconstruction_loss(model.decoder(states), clouds) + transformation_loss(predicted, z_moved)
+    for state, cloud in ((z, source), (z_moved, moved)):
+        true = naive_chamfer(cloud, target)
+        loss = loss + (model.evaluation(state, z_target) - true).square().mean()
+    return loss
+
+
+def naive_chamfer(first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:
+    distances = torch.cdist(first, second)
+    return distances.amin(dim=2).mean(dim=1) + distances.amin(dim=1).mean(dim=1)
+
+
 def compare(what: str, forms: dict[str, Callable[[], object]]) -> None:
     """Time the forms in turns, after a warm-up, and print medians and the ratio of the first to each."""
     samples: dict[str, list[float]] = {name: [] for name in forms}
@@ -47,7 +72,7 @@ def compare(what: str, forms: dict[str, Callable[[], object]]) -> None:
     medians = {name: statistics.median(values) for name, values in samples.items()}
     first = next(iter(medians.values()))
     for name, median in medians.items():
-        print(f"{what:34s} {name:12s} {median:9.2f} ms  x{first / median:.2f}")
+        print(f"{what:46s} {name:12s} {median:9.2f} ms  x{first / median:.2f}")
 
 
 def main() -> None:
@@ -65,6 +90,25 @@ def main() -> None:
             "factorised": lambda: step(lambda: encoder(clouds)),
         },
     )
+    model = LatentModel()
+    start_as_support(model)
+    rng = np.random.default_rng(0)
+    samples = [draw_sample(rng.normal(0, 0.4, (POINTS, 3)), POINTS, Sampling(copies=2), rng) for _ in range(CLOUDS)]
+    batch = {name: torch.from_numpy(np.stack([sample[name] for sample in samples])) for name in samples[0]}
+
+    def train(loss: Callable[[], torch.Tensor]) -> None:
+        model.zero_grad()
+        loss().backward()
+
+    compare(
+        f"training step, {CLOUDS} x (X, X', Y)",
+        {
+            "naive": lambda: train(
+                lambda: naive_step(model, batch["source"], batch["actions"][:, 0], batch["copies"][:, 1])
+            ),
+            "ours": lambda: train(lambda: sum_of(training_losses(model, batch, decoded=1))),
+        },
+    )
     features = torch.randn(CLOUDS, POINTS, 64)
     compare(
         f"20 neighbours, {CLOUDS} x {POINTS} x 64",
@@ -73,24 +117,39 @@ def main() -> None:
             "selection": lambda: nearest_neighbours(features, 20),
         },
     )
-    f, d = TransformationNetwork().requires_grad_(False), EvaluationNetwork().requires_grad_(False)
+    for widths in (((1024, 256), (256, 256)), ((512, 512), (512, 512))):
+        compare_planners(*widths)
+
+
+def sum_of(terms: dict[str, torch.Tensor]) -> torch.Tensor:
+    return torch.stack(list(terms.values())).sum()
+
+
+def compare_planners(of_f: tuple[int, int], of_d: tuple[int, int]) -> None:
+    f = TransformationNetwork(widths=of_f).requires_grad_(False)
+    d = EvaluationNetwork(widths=of_d).requires_grad_(False)
     z_source, z_target = torch.randn(1, 512), torch.randn(1, 512)
 
     def naive_reward(actions: torch.Tensor) -> torch.Tensor:
         count = actions.shape[1]
-        return -d(f(z_source[:, None].expand(-1, count, -1), actions), z_target[:, None].expand(-1, count, -1))
+        pairs = torch.cat([z_source[:, None].expand(-1, count, -1), actions], dim=2)
+        moved = f.third(f.second(f.first(pairs).relu()).relu())
+        joint = torch.cat([moved, z_target[:, None].expand(-1, count, -1)], dim=2)
+        return -d.third(d.second(d.first(joint).relu()).relu()).squeeze(2)
 
     def search(make: Callable[[], Callable[[torch.Tensor], torch.Tensor]]) -> None:
         start, sigma = torch.zeros(1, 6), torch.ones(1, 6)
         plan(make(), start, sigma, iterations=10, candidates=1000, elites=25, generators=generators_of([0]))
 
-    left, right = torch.randn(1000, 512), torch.randn(512, 512)
+    # The three products that are left.
+    sizes = [(of_f[0], of_f[1]), (of_f[1], of_d[0]), of_d]
+    left = [(torch.randn(1000, rows), torch.randn(rows, columns)) for rows, columns in sizes]
     compare(
-        "planner, T 10, N 1000, width 512",
+        f"planner, T 10, N 1000, {of_f} {of_d}",
         {
             "naive": lambda: search(lambda: naive_reward),
             "factorised": lambda: search(lambda: learned_reward(f, d, z_source, z_target)),
-            "floor": lambda: [left @ right for _ in range(30)],  # the three products that are left
+            "floor": lambda: [rows @ columns for _ in range(10) for rows, columns in left],
         },
     )
 
