@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -157,6 +158,10 @@ class Registrar:
     def skip(self, problem: Problem) -> str | None:
         """Return why this problem is not for this method, or None. A skip is a row with its reason."""
         return None
+
+    def data_files(self) -> Sequence[Path]:
+        """Return the files, such as weights, that the answers depend on: where one changes, rows are made anew."""
+        return ()
 
     def __repr__(self) -> str:
         from regbench.parameters import parameters_of

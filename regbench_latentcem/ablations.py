@@ -66,7 +66,7 @@ def reproduce(
     """
     import torch
 
-    from .loading import weights_path
+    from .weight_files import weights_path
 
     new_figure()  # says now, not after the trainings, that matplotlib is missing
     given = weights_path(weights or "modelnet40")
@@ -142,8 +142,8 @@ def _train(
     from regbench.learning import engine
     from regbench.learning.recipe import load_recipe, parse_change
 
-    from .loading import FOLDER
     from .training import LatentCemTraining
+    from .weight_files import FOLDER
 
     over = {
         "training.steps": steps,

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
 from regbench.errors import UserError
-from regbench.learning.weights import SUFFIX, load_weights
+from regbench.learning.weights import load_weights
 
 from .equivariant import VectorEncoder
 from .matching import Matcher
 from .model import Configuration, EquivariantModel, LatentModel
-
-FOLDER = Path(__file__).parent / "weights"
-MATCHER = FOLDER / "matcher.safetensors"
+from .weight_files import matcher_path, named, weights_path
 
 
 def load_model(model: Literal["paper", "equivariant"], weights: str) -> LatentModel | EquivariantModel:
@@ -26,30 +23,10 @@ def load_model(model: Literal["paper", "equivariant"], weights: str) -> LatentMo
     Raises:
         UserError: There are no such weights, or they are damaged or of another model.
     """
+    name = named(model, weights)
     if model == "paper":
-        return load_paper_model("modelnet40" if weights == "default" else weights)
-    if weights == "none":
-        return untrained_equivariant_model()
-    return load_equivariant_model("equivariant" if weights == "default" else weights)
-
-
-def weights_path(name: str) -> Path:
-    """Return the file of weights: NAME.safetensors of this package, or the path itself where it ends so.
-
-    Raises:
-        UserError: There is no such file.
-    """
-    is_path = name.endswith(SUFFIX)
-    path = Path(name) if is_path else FOLDER / f"{name}{SUFFIX}"
-    if path.is_file():
-        return path
-    if is_path:
-        raise UserError(f"latentcem: weights {path}: no such file")
-    there = ", ".join(sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))) or "none yet"
-    raise UserError(
-        f"latentcem: no weights '{name}' in {FOLDER} (there: {there}): the paper's model is not trained yet; "
-        "use latentcem[model=equivariant], which needs none"
-    )
+        return load_paper_model(name)
+    return untrained_equivariant_model() if name == "none" else load_equivariant_model(name)
 
 
 def load_paper_model(name: str) -> LatentModel:
@@ -88,7 +65,7 @@ def load_matcher() -> Matcher:
         UserError: Its weights are missing or damaged.
     """
     matcher = Matcher()
-    load_weights(MATCHER).load_into(matcher)
+    load_weights(matcher_path()).load_into(matcher)
     return matcher
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -106,6 +107,14 @@ class LatentCem(Registrar):
         if self.start == "prior" and problem.motion_prior is None:
             return "start=prior needs a motion prior, and the protocol discloses none"
         return None
+
+    def data_files(self) -> list[Path]:
+        """Return the weight files in use."""
+        from .weight_files import file_of, matcher_path, named
+
+        name = named(self.model, self.weights)
+        files = [] if name == "none" else [file_of(name)]
+        return files + ([matcher_path()] if self.refine == "verify" and self.matches else [])
 
     def register(self, problem: Problem) -> Registration:
         """Estimate T_target_source.

@@ -19,12 +19,12 @@ from regbench.protocols.seven_scenes import normalised, split_scans
 from regbench.registry import open_dataset
 
 from .encoder import POINTS
-from .loading import FOLDER
 from .losses import training_losses
 from .model import Configuration, LatentModel
 from .sampling import Sampling, draw_sample
 from .support import extreme_points, start_as_support, support_states, support_transformation_loss
 from .validation import ValidationPairs
+from .weight_files import FOLDER
 
 Array = NDArray[np.float64]
 

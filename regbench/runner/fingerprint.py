@@ -22,12 +22,23 @@ def digest(value: object) -> str:
 
 
 def method_fingerprint(method: Method) -> str:
-    """Return a hash of the method's name, version, parameters and source.
+    """Return a hash of the method's name, version, parameters, source and data files.
 
     The source is that of its module and of every module it imports, directly or not, from its own package or plugin
     folder and from regbench's shared rooms.
     """
-    return digest([method.asked, str(method.trait("version")), method.parameters, source_sha256(method)])
+    parts: list[object] = [method.asked, str(method.trait("version")), method.parameters, source_sha256(method)]
+    data = data_sha256(method)
+    return digest([*parts, data] if data else parts)
+
+
+def data_sha256(method: Method) -> list[str | None]:
+    """Return the SHA-256 of each of the method's data files; None for one that is not there."""
+    data_files = getattr(method.cls, "data_files", None)
+    if data_files is None:
+        return []
+    files = data_files(method.cls(**method.parameters))
+    return [hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None for file in files]
 
 
 def source_sha256(method: Method) -> str:

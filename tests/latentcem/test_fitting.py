@@ -9,8 +9,9 @@ from regbench.geometry.se3 import transform
 from regbench.registry import open_dataset
 from regbench_latentcem.equivariant import VectorEncoder
 from regbench_latentcem.fitting import fit_matcher, fit_mixing, noise_of_channels, self_made_pairs
-from regbench_latentcem.loading import FOLDER, load_equivariant_model, load_matcher
+from regbench_latentcem.loading import load_equivariant_model, load_matcher
 from regbench_latentcem.matching import Matcher
+from regbench_latentcem.weight_files import FOLDER
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import torch
 from regbench.errors import UserError
 from regbench.learning.weights import save_weights
 from regbench.testing import clouds
-from regbench_latentcem import loading
-from regbench_latentcem.loading import weights_path
+from regbench_latentcem import weight_files
 from regbench_latentcem.model import Configuration, LatentModel
 from regbench_latentcem.registrar import LatentCem
+from regbench_latentcem.weight_files import weights_path
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def folder(tmp_path, monkeypatch):
     configuration = Configuration()
     tensors = LatentModel(configuration).without_decoder().state_dict()
     save_weights(tmp_path / "a.safetensors", tensors, {"configuration": configuration.as_card()})
-    monkeypatch.setattr(loading, "FOLDER", tmp_path)
+    monkeypatch.setattr(weight_files, "FOLDER", tmp_path)
     return tmp_path
 
 

@@ -15,7 +15,7 @@ from regbench.geometry.se3 import invert, transform
 from regbench.geometry.size import extent
 from regbench.learning.weights import card_path, save_weights
 from regbench.testing import Outcome, check_registrar, clouds
-from regbench_latentcem import loading
+from regbench_latentcem import weight_files
 from regbench_latentcem.model import Configuration, LatentModel
 from regbench_latentcem.registrar import LatentCem
 
@@ -32,7 +32,7 @@ def weights(tmp_path, monkeypatch):
     path = tmp_path / "modelnet40.safetensors"
     networks = LatentModel(configuration).without_decoder()
     save_weights(path, networks.state_dict(), {"configuration": configuration.as_card()})
-    monkeypatch.setattr(loading, "FOLDER", tmp_path)
+    monkeypatch.setattr(weight_files, "FOLDER", tmp_path)
     return path
 
 
@@ -126,7 +126,7 @@ def test_a_problem_without_a_prior_is_skipped_by_start_prior():
 
 
 def test_the_untrained_paper_model_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(loading, "FOLDER", tmp_path)
+    monkeypatch.setattr(weight_files, "FOLDER", tmp_path)
     with pytest.raises(UserError, match=r"no weights 'modelnet40' .*not trained yet; use latentcem\[model=equi"):
         LatentCem().prepare()
 

@@ -8,7 +8,7 @@ from regbench.learning.check_trainable import check_trainable
 from regbench.learning.weights import load_weights, save_weights
 from regbench.protocols.seven_scenes import split_scans
 from regbench.registry import open_dataset
-from regbench_latentcem import loading
+from regbench_latentcem import loading, weight_files
 from regbench_latentcem.losses import distances_after
 from regbench_latentcem.model import LatentModel
 from regbench_latentcem.training import LatentCemTraining
@@ -61,7 +61,7 @@ def test_weights_are_what_registration_needs_and_go_back_in(prepared_data, tmp_p
     path = tmp_path / "some.safetensors"
     save_weights(path, trainable.tensors(network), trainable.card())
     assert path.stat().st_size < 8e6
-    monkeypatch.setattr(loading, "FOLDER", tmp_path)
+    monkeypatch.setattr(weight_files, "FOLDER", tmp_path)
     cloud = torch.randn(1, 100, 3)
     loaded, other = loading.load_paper_model("some"), trainable.network()
     trainable.load(other, load_weights(path))

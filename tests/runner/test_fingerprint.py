@@ -66,6 +66,30 @@ def test_it_changes_with_a_parameter(plugin):
     assert fingerprint(plugin) != fingerprint(plugin, "mine[step=0.7]")
 
 
+def test_it_changes_with_a_data_file_of_the_method(plugin):
+    weights = plugin.with_name("weights.bin")
+    text = PLUGIN + f"    def data_files(self):\n        return [Path({str(weights)!r})]\n"
+    plugin.write_text("from pathlib import Path\n" + text)
+    absent = fingerprint(plugin)
+    weights.write_bytes(b"1")
+    first = fingerprint(plugin)
+    assert first == fingerprint(plugin)
+    weights.write_bytes(b"2")
+    assert len({absent, first, fingerprint(plugin)}) == 3
+
+
+def test_latentcem_depends_on_its_weights():
+    from regbench.runner.fingerprint import data_sha256
+
+    def files(asked):
+        return data_sha256(MethodRegistry().resolve(parse_methods([asked])[0]))
+
+    assert len(files("latentcem")) == 1
+    assert files("latentcem[model=equivariant,weights=none]") == []
+    assert len(files("latentcem[model=equivariant,refine=verify]")) == 2
+    assert files("latentcem[weights=nowhere.safetensors]") == [None]
+
+
 def test_an_installed_method_depends_on_its_helpers_and_shared_geometry():
     from regbench.runner.fingerprint import _imported
 
