@@ -56,7 +56,7 @@ class VectorEncoder(nn.Module):
     """
 
     def __init__(
-        self, *, channels: int = 512, scale: float = 18.0, isotropy: float | None = 0.1, seed: int = 0
+        self, *, channels: int = 1024, scale: float = 24.0, isotropy: float | None = 0.1, seed: int = 0
     ) -> None:
         super().__init__()
         self.isotropy = isotropy

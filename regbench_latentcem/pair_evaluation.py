@@ -22,7 +22,7 @@ class PairEvaluation(nn.Module):
         width: Of the two hidden layers.
     """
 
-    def __init__(self, *, channels: int = 512, width: int = 256) -> None:
+    def __init__(self, *, channels: int = 1024, width: int = 256) -> None:
         super().__init__()
         self.of_products = nn.Linear(channels, width)
         self.of_offset = nn.Linear(channels, width, bias=False)

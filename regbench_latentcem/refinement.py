@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from regbench.contract import MotionPrior
 from regbench.geometry.icp import icp
+from regbench.geometry.kabsch import kabsch
 from regbench.geometry.se3 import euler_deg_from_rotation, invert, rotation_from_euler_deg, se3, transform
 
 Motion = NDArray[np.float64]
@@ -30,6 +31,7 @@ COVERED = 0.985
 AS_GOOD = 0.03
 # Independent samples of a surface have a narrow residual of at least 0.81 spacings, whatever the motion.
 A_COPY = 0.78
+SOFT_ITERATIONS = 12
 # Motions whose residuals differ by less cannot be told apart by them: of such, the one nearest to the start is taken.
 TIE = 0.05
 # An answer may lie so much outside a prior's range: ICP's own error.
@@ -87,9 +89,34 @@ class Residuals:
         covered = float(np.mean(distances < 4 * self.spacing)) if self.spacing else 1.0
         return Verified(T, self.truncated(distances, counted), self.truncated(distances, NARROW), covered)
 
+    def softly_refined(self, T: Motion) -> Motion:
+        """Return the motion of a copy after ICP with soft matches (EM-ICP; Granger and Pennec 2002), both ways.
+
+        The nearest point of a noisy copy is often not the partner. So a point is matched to the mean of the nearest
+        eight, weighted by the likelihood that noise put them there; the noise is estimated from the distances.
+        """
+        source, target = self._clouds
+        for _ in range(SOFT_ITERATIONS):
+            to_target = _soft_matches(self._trees[1], transform(T, source))
+            to_source = _soft_matches(self._trees[0], transform(invert(T), target))
+            T = kabsch(np.concatenate([source, to_source]), np.concatenate([to_target, target]))
+        return T
+
     def truncated(self, distances: Points, spacings: float) -> float:
         """Return the root mean square of distances of which none counts more than so many spacings."""
         return float(np.sqrt(np.mean(np.minimum(distances, spacings * self.spacing) ** 2)))
+
+
+def _soft_matches(tree: cKDTree, points: Points) -> Points:
+    """Return the mean of the nearest eight points of the tree, weighted by their likelihood: (N, 3)."""
+    distances, nearest = (np.asarray(found) for found in tree.query(points, min(8, tree.n)))
+    distances, nearest = distances.reshape(len(points), -1), nearest.reshape(len(points), -1)
+    # The nearest point is nearer than the partner: twice its mean square, measured on noisy copies.
+    variance = 2 * np.mean(distances[:, 0] ** 2) / 3 + EXACT**2
+    weights = np.exp((distances[:, :1] ** 2 - distances**2) / (2 * variance))
+    weights /= weights.sum(axis=1, keepdims=True)
+    means: Points = (weights[:, :, None] * np.asarray(tree.data)[nearest]).sum(axis=1)
+    return means
 
 
 def verified(
@@ -124,7 +151,7 @@ def verified(
 
     first = of.verified(refined(candidates[:2][-1], np.inf, icp_iterations), WIDE)
     if allowed(first.T_target_source) and first.covered >= COVERED and first.narrow < A_COPY * of.spacing:
-        return first
+        return of.verified(of.softly_refined(first.T_target_source), WIDE)
     start, rest = candidates[0], [T for T in candidates[1:] if allowed(T)]
     rest += _distinct([T for T in more() if allowed(T)], MOST_MORE)
     step = -(-max(len(source), len(target)) // RANKED_ON)

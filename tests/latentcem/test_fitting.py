@@ -57,5 +57,5 @@ def test_the_matchers_fit_finds_more_of_the_right_points(dataset):
 
 
 def test_the_packages_weights_are_small_and_fit_the_model():
-    assert load_equivariant_model("equivariant").encoder.mixing.shape == (512, 512)
+    assert load_equivariant_model("equivariant").encoder.mixing.shape == (1024, 1024)
     assert sum(path.stat().st_size for path in FOLDER.glob("*.safetensors")) < 8e6 * len(list(FOLDER.glob("*.json")))

@@ -3,6 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from regbench.contract import MotionPrior
+from regbench.geometry.icp import icp
 from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
 from regbench.testing.clouds import body
 from regbench_latentcem.refinement import Residuals, angle_deg, inside, octants, verified
@@ -53,6 +54,17 @@ def test_of_motions_that_nothing_tells_apart_the_nearest_to_the_start_is_taken()
     for start in (0, 90, 180, 270):
         found = verified([turn(start), *(turn(90 * k + 12) for k in range(4))], source, target, 100)
         assert angle_deg(found.T_target_source, turn(start + 10)) < 5
+
+
+def test_soft_matches_are_nearer_the_truth_than_icps_on_noisy_copies():
+    rng, truth, errors = np.random.default_rng(0), turn(20), []
+    for _ in range(8):
+        source = centred(800) + rng.normal(0, 0.01, (800, 3))
+        target = transform(truth, centred(800)) + rng.normal(0, 0.01, (800, 3))
+        hard = icp(source, target, truth).T_target_source
+        soft = verified([turn(0), hard], source, target, 100).T_target_source
+        errors.append([angle_deg(hard, truth), angle_deg(soft, truth)])
+    assert np.mean(errors, axis=0)[1] < 0.95 * np.mean(errors, axis=0)[0]
 
 
 def test_crops_are_judged_by_what_they_share():
