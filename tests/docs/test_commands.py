@@ -1,4 +1,4 @@
-"""Every command in README and docs works as it is printed; only long runs are shortened, by a --limit."""
+"""Every command in README and docs works as it is printed; only long runs are shortened, by a --limit, and trainings by --steps."""
 
 import os
 import re
@@ -71,6 +71,8 @@ def test_command(workplace, page, line):
     assert words[0] == "regbench", f"{page}: {line} is not a command of ours"
     if words[1] == "run":
         words = [*_without_limit(words), "--limit", "2"]
+    if words[1:3] == ["train", "latentcem"]:
+        words += ["--steps", "2", "--set", "method.validated=1"]
     if words[1:3] == ["new", "method"]:  # two pages show it, and it overwrites nothing
         shutil.rmtree(workplace / words[3], ignore_errors=True)
     environment = os.environ | {"REGBENCH_DATA": "data"}

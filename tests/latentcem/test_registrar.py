@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 
@@ -32,6 +33,8 @@ def weights(tmp_path, monkeypatch):
     path = tmp_path / "modelnet40.safetensors"
     networks = LatentModel(configuration).without_decoder()
     save_weights(path, networks.state_dict(), {"configuration": configuration.as_card()})
+    for suffix in (".safetensors", ".json"):
+        shutil.copy(weight_files.FOLDER / f"matcher{suffix}", tmp_path)
     monkeypatch.setattr(weight_files, "FOLDER", tmp_path)
     return path
 
@@ -125,9 +128,9 @@ def test_a_problem_without_a_prior_is_skipped_by_start_prior():
     assert LatentCem().skip(problem) is None
 
 
-def test_the_untrained_paper_model_says_so(tmp_path, monkeypatch):
+def test_missing_weights_say_which_there_are(tmp_path, monkeypatch):
     monkeypatch.setattr(weight_files, "FOLDER", tmp_path)
-    with pytest.raises(UserError, match=r"no weights 'modelnet40' .*not trained yet; use latentcem\[model=equi"):
+    with pytest.raises(UserError, match="no weights 'modelnet40' in .*there: none yet"):
         LatentCem().prepare()
 
 
