@@ -1,4 +1,4 @@
-"""Every command in README and docs works as it is printed; only long runs are shortened, by a --limit, and trainings by --steps."""
+"""Every command in README and docs works as printed; only long ones are shortened: runs and trainings."""
 
 import os
 import re
