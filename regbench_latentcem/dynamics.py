@@ -14,11 +14,14 @@ from .planner import Reward
 class TransformationNetwork(nn.Module):
     """f([z, a]): the latent state after an action (Eq. 1). Three layers; their widths are not stated in the paper.
 
+    They say how the state changes: f = z + layers([z, a]). Without that, what they cannot express of z itself is in
+    every prediction.
+
     Args:
         widths: Of the two hidden layers. The first costs the planner little: z's share of it is computed once.
     """
 
-    def __init__(self, *, widths: tuple[int, int] = (1024, 256)) -> None:
+    def __init__(self, *, widths: tuple[int, int] = (1024, 448)) -> None:
         super().__init__()
         self.first = nn.Linear(LATENT_SIZE + ACTION_SIZE, widths[0])
         self.second = nn.Linear(*widths)
@@ -27,8 +30,8 @@ class TransformationNetwork(nn.Module):
     def forward(self, latents: Tensor, actions: Tensor) -> Tensor:
         """Map (..., 512) latent states and (..., 6) actions, which may be broadcast, to (..., 512) predicted states."""
         hidden = functional.relu(_linear_of_pair(self.first, latents, actions))
-        predicted: Tensor = self.third(functional.relu(self.second(hidden)))
-        return predicted
+        change: Tensor = self.third(functional.relu(self.second(hidden)))
+        return latents + change
 
 
 class EvaluationNetwork(nn.Module):
@@ -81,7 +84,8 @@ def learned_reward(f: TransformationNetwork, d: EvaluationNetwork, z_source: Ten
         of_moved, of_target = d.first.weight.chunk(2, dim=1)
         first_bias = functional.linear(z_source, of_source, f.first.bias)[:, None, :]
         joint_weight = of_moved @ f.third.weight
-        joint_bias = functional.linear(z_target, of_target, d.first.bias + of_moved @ f.third.bias)[:, None, :]
+        joint_bias = functional.linear(z_target, of_target, d.first.bias + of_moved @ f.third.bias)
+        joint_bias = (joint_bias + functional.linear(z_source, of_moved))[:, None, :]
 
     @torch.no_grad()
     def reward(actions: Tensor) -> Tensor:

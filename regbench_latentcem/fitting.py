@@ -37,7 +37,7 @@ Kind = Literal["noise", "resampled", "partial"]
 Array = NDArray[np.float64]
 
 # Shapes that the fit sees, and the next ones, which validate it.
-FITTED, VALIDATED = 500, 200
+FITTED, VALIDATED = 1500, 200
 # Seeds of the self-made pairs come from this name: no protocol's.
 STREAM = "latentcem/fitting"
 # Weight of the resampled copies' noise beside the noisy ones', each relative to its trace.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from regbench.contract import Problem, Registrar
 from regbench.errors import UserError
 from regbench.files import write_atomically
-from regbench.geometry.se3 import rotation_from_euler_deg, transform
+from regbench.geometry.se3 import invert, rotation_from_euler_deg, transform
 
 from .registrar import LatentCem
 
@@ -66,8 +66,11 @@ def planning_figure(method: LatentCem, problem: Problem, T_target_source: Array 
     from .actions import motion_of
 
     figure = new_figure()
-    frame, found = method.search(problem)
-    truth = None if T_target_source is None else frame.to_local(np.asarray(T_target_source, dtype=np.float64))
+    frame, turn, found = method.search(problem)
+    source = transform(turn, frame.source)
+    truth = None
+    if T_target_source is not None:
+        truth = frame.to_local(np.asarray(T_target_source, dtype=np.float64)) @ invert(turn)
     shown = [0, *sorted({t for t in ITERATIONS if t < method.T} | {method.T})]
     figure.set_size_inches(PANEL_INCHES * len(shown), PANEL_INCHES * 3.3)
     panels = figure.subplots(len(PLANES) + 1, len(shown), squeeze=False, sharex="row", sharey="row")
@@ -75,7 +78,7 @@ def planning_figure(method: LatentCem, problem: Problem, T_target_source: Array 
         mean = motion_of(found.means[t, 0].cpu().numpy())
         for panel, plane in zip(panels[:, column], PLANES, strict=False):
             _draw_plane(panel, found, t, plane, truth)
-        _draw_clouds(panels[-1, column], transform(mean, frame.source), frame.target)
+        _draw_clouds(panels[-1, column], transform(mean, source), frame.target)
         panels[0, column].set_title(_title(t, mean, truth), fontsize=9)
     for panel, (across, up) in zip(panels[:, 0], PLANES, strict=False):
         panel.set_xlabel(f"angle about {AXES[across]} (deg)", fontsize=8)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 class LatentCem(Registrar):
     """Registration by planning with a latent dynamic model (Jiang et al., IJCAI 2021).
 
-    Both clouds are centred and measured in extents of the target; the planner (Algorithm 1) searches a rotation and
-    a small remaining translation there.
+    Both clouds are centred and measured in extents of the target, and the source is turned by the start's rotation;
+    the planner (Algorithm 1) searches what is left, a rotation and a small translation, about none.
 
     Args:
         model: "paper", the learned networks; or "equivariant", whose latent state turns with the cloud, so that the
@@ -32,7 +32,7 @@ class LatentCem(Registrar):
             motions that matched points agree on, are ranked by the true Chamfer distance, the best ones refined by
             ICP, and the one of least residual answered, with minus that residual (in extents of the target) as its
             `confidence`. See refinement.py.
-        start: The planner's first mean, mu_0, which the paper does not say: "model" (the mean of the actions that the
+        start: Where the planner searches, mu_0, which the paper does not say: "model" (the mean of the motions that the
             model was trained on; for "equivariant", whose f is exact, no rotation), "centroid" (no rotation, centroids
             matched), "prior" (the mean rotation that the protocol discloses), or "closed_form" (Kabsch on the latent
             states; for "equivariant"). A start that the problem gives replaces the first two. With "prior",
@@ -127,9 +127,9 @@ class LatentCem(Registrar):
             self.prepare()
         frame = LocalFrame.of(problem)
         times = [time.perf_counter()]
-        z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
+        start = self._start(problem, frame)
+        z_source, z_target = self._states(frame, start, problem.device)
         times.append(time.perf_counter())
-        start = self._start(problem, frame, z_source, z_target)
         found = self._plan(z_source, z_target, start, problem)
         times.append(time.perf_counter())
         T_local, confidence = self._refine(found, frame, start, problem.motion_prior)
@@ -141,8 +141,10 @@ class LatentCem(Registrar):
             stages_s=dict(zip(("encode", "plan", "refine"), np.diff(times).tolist(), strict=True)),
         )
 
-    def search(self, problem: Problem) -> tuple[LocalFrame, Plan]:
+    def search(self, problem: Problem) -> tuple[LocalFrame, NDArray[np.float64], Plan]:
         """Return the planner's search with all its candidates, in the local frame: for a picture of it.
+
+        Between them stands the rotation by which the source is turned before any action, (4, 4).
 
         Raises:
             ValueError: As `register`.
@@ -151,9 +153,13 @@ class LatentCem(Registrar):
         if self._networks is None:
             self.prepare()
         frame = LocalFrame.of(problem)
-        z_source, z_target = self._encode(frame.source, problem.device), self._encode(frame.target, problem.device)
-        start = self._start(problem, frame, z_source, z_target)
-        return frame, self._plan(z_source, z_target, start, problem, keep_candidates=True)
+        start = self._start(problem, frame)
+        found = self._plan(*self._states(frame, start, problem.device), start, problem, keep_candidates=True)
+        return frame, se3(start[:3, :3], np.zeros(3)), found
+
+    def _states(self, frame: LocalFrame, start: NDArray[np.float64], device: str) -> tuple[Any, Any]:
+        """Return the latent states of the source, turned by the start's rotation, and of the target."""
+        return self._encode(frame.source @ start[:3, :3].T, device), self._encode(frame.target, device)
 
     def _encode(self, cloud: NDArray[np.float64], device: str) -> Any:
         """Return the latent state of one (N, 3) cloud, as a batch of one."""
@@ -163,12 +169,12 @@ class LatentCem(Registrar):
         dtype = next(networks.parameters()).dtype
         return networks.encode(torch.tensor(cloud, dtype=dtype, device=device)[None])
 
-    def _start(self, problem: Problem, frame: LocalFrame, z_source: Any, z_target: Any) -> NDArray[np.float64]:
-        """Return the planner's first mean as a (4, 4) motion in the local frame."""
+    def _start(self, problem: Problem, frame: LocalFrame) -> NDArray[np.float64]:
+        """Return where the planner searches as a (4, 4) motion in the local frame."""
         if self.start == "closed_form":
             from .equivariant import closed_form
 
-            rotations, translations = closed_form(z_source, z_target)
+            rotations, translations = closed_form(*self._states(frame, np.eye(4), problem.device))
             return se3(rotations[0].cpu().numpy(), translations[0].cpu().numpy())
         if self.start == "prior":
             if problem.motion_prior is None:
@@ -176,8 +182,8 @@ class LatentCem(Registrar):
             return se3(problem.motion_prior.mean_T_target_source()[:3, :3], np.zeros(3))
         if problem.init_T_target_source is not None:
             return frame.to_local(problem.init_T_target_source)
-        mean_deg = np.degrees(self._networks.first_actions.mean_rad) if self.start == "model" else 0.0
-        return se3(rotation_from_euler_deg([mean_deg] * 3), np.zeros(3))
+        angle_deg = np.degrees(self._networks.first_actions.start_rad) if self.start == "model" else 0.0
+        return se3(rotation_from_euler_deg([angle_deg] * 3), np.zeros(3))
 
     def _plan(
         self,
@@ -191,7 +197,6 @@ class LatentCem(Registrar):
         """Run the planner; for refine=verify several of them, the first as it is alone."""
         import torch
 
-        from .actions import action_of
         from .planner import generators_of, plan
 
         seeds = [problem.seed]
@@ -208,7 +213,7 @@ class LatentCem(Registrar):
         parameter = next(self._networks.parameters())
         return plan(
             self._networks.reward(z_source, z_target),
-            torch.tensor(action_of(start)).to(parameter).repeat(len(seeds), 1),
+            torch.tensor([0.0, 0.0, 0.0, *start[:3, 3]]).to(parameter).repeat(len(seeds), 1),
             torch.tensor(sigma0).to(parameter).repeat(len(seeds), 1),
             iterations=self.T,
             candidates=self.N,
@@ -226,7 +231,8 @@ class LatentCem(Registrar):
         from .actions import motion_of
         from .refinement import inside, octants, verified
 
-        answers = [motion_of(action) for action in found.actions.cpu().numpy()]
+        turned = se3(start[:3, :3], np.zeros(3))
+        answers = [motion_of(action) @ turned for action in found.actions.cpu().numpy()]
         if self.refine == "none":
             return answers[0], None
         if self.refine == "icp":
@@ -234,7 +240,7 @@ class LatentCem(Registrar):
             return result.T_target_source, None
         # The first iteration's best are the most different from the answers.
         early = found.elites[:1, :, :1].reshape(-1, found.elites.shape[3]).cpu().numpy()
-        candidates = [start, *answers, *(motion_of(action) for action in early)]
+        candidates = [start, *answers, *(motion_of(action) @ turned for action in early)]
         searched = prior if self.start == "prior" else None
         if searched is not None:
             candidates += octants(searched)

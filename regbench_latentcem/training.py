@@ -39,11 +39,14 @@ class Settings(BaseModel):
         points: Points of a cloud.
         start: "support": the encoder starts as a support function, and f and d learn on it first (support.py);
             "random".
-        support_share: The part of the training in which they do, with start = "support".
+        alone_share: The first part of the training, with start = "support", in which f learns alone, under the
+            recipe's precision: a step of it is cheap. Everything else is in full precision.
+        support_share: The part of the training in which they do.
         support_clouds: Clouds in a step of that part that f learns from, besides the batch.
         support_copies: Motions of each of them.
         copies: Moved copies of a cloud in a sample (see sampling.py).
         noisy: Share of noisy samples.
+        varied: Whether clouds are stretched, turned and mirrored at random: where there are few.
         decoded: Clouds in a step that the reconstruction is taken from.
         reconstruction_weight: Of Eq. 4.
         transformation_weight: Of Eq. 6.
@@ -60,11 +63,13 @@ class Settings(BaseModel):
     validated: int = Field(64, ge=1)
     points: int = Field(POINTS, ge=32)
     start: Literal["support", "random"] = "support"
+    alone_share: float = Field(0.5, ge=0, le=1)
     support_share: float = Field(0.75, ge=0, le=1)
     support_clouds: int = Field(48, ge=1)
     support_copies: int = Field(6, ge=1)
     copies: int = Field(3, ge=2)
     noisy: float = Field(0.5, ge=0, le=1)
+    varied: bool = False
     decoded: int = Field(1, ge=1)
     reconstruction_weight: float = Field(1.0, ge=0)
     transformation_weight: float = Field(1.0, ge=0)
@@ -98,16 +103,22 @@ class LatentCemTraining(Trainable):
         """Return a training cloud's sample."""
         trained, _ = self._split
         cloud = self._cloud(int(trained[rng.integers(len(trained))]))
-        sampling = Sampling(copies=self.table.copies, noisy=self.table.noisy)
+        sampling = Sampling(copies=self.table.copies, noisy=self.table.noisy, varied=self.table.varied)
         return cast(Sample, draw_sample(cloud, self.table.points, sampling, rng))
 
     def losses(self, network: nn.Module, batch: dict[str, Tensor], progress: float) -> dict[str, Tensor]:
         """Return the weighted terms of Eq. 8."""
         model = cast(LatentModel, network)
-        if self.table.start == "support" and progress < self.table.support_share:
-            terms = self._losses_on_support(model, batch)
+        with_support = self.table.start == "support"
+        if with_support and progress < self.table.alone_share:
+            terms = {"transformation": self._loss_on_support(model, batch)}
         else:
-            terms = training_losses(model, batch, decoded=self.table.decoded)
+            # Graphs and Chamfer distances need their digits.
+            with torch.autocast(batch["source"].device.type, enabled=False):
+                if with_support and progress < self.table.support_share:
+                    terms = self._losses_on_support(model, batch)
+                else:
+                    terms = training_losses(model, batch, decoded=self.table.decoded)
         weights = {
             "reconstruction": self.table.reconstruction_weight,
             "transformation": self.table.transformation_weight,
@@ -157,14 +168,18 @@ class LatentCemTraining(Trainable):
         states = support_states(clouds.flatten(0, 1)).view(*clouds.shape[:2], -1)
         return {
             **training_losses(model, batch, decoded=0, states=states),
-            "transformation": support_transformation_loss(
-                model,
-                self._extremes.to(clouds.device),
-                clouds=self.table.support_clouds,
-                copies=self.table.support_copies,
-                noisy=self.table.noisy,
-            ),
+            "transformation": self._loss_on_support(model, batch),
         }
+
+    def _loss_on_support(self, model: LatentModel, batch: dict[str, Tensor]) -> Tensor:
+        return support_transformation_loss(
+            model,
+            self._extremes.to(batch["source"].device),
+            clouds=self.table.support_clouds,
+            copies=self.table.support_copies,
+            noisy=self.table.noisy,
+            varied=self.table.varied,
+        )
 
     @cached_property
     def _extremes(self) -> Tensor:

@@ -17,7 +17,7 @@ from .losses import distances_after
 from .model import LatentModel
 from .planner import generators_of, plan
 from .registrar import LatentCem
-from .sampling import Sampling, draw_sample
+from .sampling import START_ROTATION, Sampling, draw_sample
 
 Array = NDArray[np.float64]
 KINDS = {"clean": 0.0, "noise": 1.0}
@@ -73,8 +73,9 @@ def _figures(model: LatentModel, batch: dict[str, Tensor]) -> dict[str, float]:
     target = here["copies"][:, 0] - centre[:, None]
     z_source, z_target = _encode(model, source), _encode(model, target)
 
-    truth = rotations_of(batch["actions"][:, 0].double()).numpy()
-    answers = rotations_of(_plan(model, z_source, z_target)).double().cpu().numpy()
+    # Motions of the cloud before it was turned, as the benchmark gives them.
+    truth = rotations_of(batch["actions"][:, 0].double()).numpy() @ START_ROTATION
+    answers = rotations_of(_plan(model, z_source, z_target)).double().cpu().numpy() @ START_ROTATION
     errors = rotation_error_deg(answers, truth)
     found = {
         "median_rotation_error_deg": float(np.median(errors)),
@@ -91,9 +92,9 @@ def _figures(model: LatentModel, batch: dict[str, Tensor]) -> dict[str, float]:
 
 
 def _plan(model: LatentModel, z_source: Tensor, z_target: Tensor) -> Tensor:
-    """Return the answers of the planner with the registrar's parameters, from the trained actions' mean, (P, 6)."""
+    """Return the answers of the planner with the registrar's parameters, (P, 6)."""
     registrar, first_actions = LatentCem(), model.first_actions
-    mean = torch.tensor([first_actions.mean_rad] * 3 + [0.0] * 3).to(z_source)
+    mean = torch.zeros(6).to(z_source)
     sigma0 = torch.tensor([first_actions.deviation_rad] * 3 + [first_actions.deviation_translation] * 3).to(z_source)
     answers = []
     for first in range(0, len(z_source), AT_ONCE):

@@ -43,7 +43,9 @@ class TrainingModule(LightningModule):
         """Return AdamW. Its learning rates are set before each step, as functions of the step alone."""
         recipe = self.training_recipe
         groups = parameter_groups(self.network, self.trainable.learning_rate_factors(self.network))
-        return torch.optim.AdamW(groups, recipe.learning_rate, weight_decay=recipe.weight_decay)
+        # Fused: several times faster on CPU. Lightning does not clip gradients for it in mixed precision.
+        fused = not (recipe.precision.endswith("mixed") and recipe.clip_gradient_norm)
+        return torch.optim.AdamW(groups, recipe.learning_rate, weight_decay=recipe.weight_decay, fused=fused)
 
     def on_train_batch_start(self, batch: Any, batch_idx: int) -> None:
         """Set all that a step depends on besides weights and batch, so that a resumed step is the same."""

@@ -21,7 +21,7 @@ def test_states_may_be_broadcast_over_actions():
     f, d = TransformationNetwork(widths=(64, 32)), EvaluationNetwork(widths=(64, 32))
     z, z_target, actions = torch.randn(2, 1, 512), torch.randn(2, 1, 512), torch.randn(2, 30, 6)
     pairs = torch.cat([z.expand(-1, 30, -1), actions], dim=2)
-    moved = f.third(f.second(f.first(pairs).relu()).relu())  # as the paper writes it: f([z, a])
+    moved = z + f.third(f.second(f.first(pairs).relu()).relu())  # as the paper writes it, f([z, a]), and a skip
     torch.testing.assert_close(f(z, actions), moved, rtol=0, atol=1e-5)
     joint = torch.cat([moved, z_target.expand(-1, 30, -1)], dim=2)
     torch.testing.assert_close(

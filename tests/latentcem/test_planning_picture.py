@@ -33,14 +33,14 @@ def offsets(panel):
 
 
 def test_the_search_is_that_of_register(problem):
-    frame, found = small().search(problem[0])
+    frame, _, found = small().search(problem[0])
     assert found.candidates.shape == (4, 1, 60, 6)
     answer = frame.from_local(motion_of(found.actions[0].numpy()))
     np.testing.assert_array_equal(answer, small().register(problem[0]).T_target_source)
 
 
 def test_candidates_elites_mean_and_truth_lie_where_the_planner_had_them(problem):
-    frame, found = small().search(problem[0])
+    frame, _, found = small().search(problem[0])
     planes, _ = panels_of(planning_figure(small(), *problem), 5)  # start, iterations 1, 2, 3 and 4
     truth_deg = np.degrees(action_of(frame.to_local(problem[1]))[:3])
     for row, plane in enumerate(([0, 1], [0, 2])):

@@ -3,16 +3,19 @@ import pytest
 import torch
 from scipy.spatial import ConvexHull
 
-from regbench_latentcem.actions import move
+from regbench_latentcem.actions import motion_of, move
+from regbench_latentcem.losses import distances_after
 from regbench_latentcem.model import Configuration, LatentModel
 from regbench_latentcem.sampling import TRAINED_RAD
 from regbench_latentcem.support import (
     directions,
     extreme_points,
+    spherical_harmonics,
     start_as_support,
     support_states,
     support_transformation_loss,
 )
+from regbench_latentcem.training import LatentCemTraining
 
 
 @pytest.fixture
@@ -71,10 +74,10 @@ def test_the_loss_is_that_of_f_on_states_of_moved_clouds(model):
     torch.manual_seed(1)
     torch.randint(1, (3,))
     torch.rand(3)
-    low, high = TRAINED_RAD
-    actions = torch.cat([torch.rand(3, 4, 3) * (high - low) + low, torch.randn(3, 4, 3) * 0.03], dim=2)
-    z_moved = support_states(move(extremes[0], actions.flatten(0, 1)))
-    predicted = model.transformation(support_states(extremes), actions.flatten(0, 1))
+    actions = torch.cat([(2 * torch.rand(3, 4, 3) - 1) * TRAINED_RAD, torch.randn(3, 4, 3) * 0.03], dim=2)
+    turned = extremes @ torch.from_numpy(motion_of([np.pi / 8] * 3 + [0.0] * 3)[:3, :3].T).float()
+    z_moved = support_states(move(turned[0], actions.flatten(0, 1)))
+    predicted = model.transformation(support_states(turned), actions.flatten(0, 1))
     variance = z_moved.var(dim=0, correction=0).sum()
     expected = (predicted - z_moved).square().sum(dim=1).mean() / variance
     assert loss.item() == pytest.approx(expected.item(), rel=1e-4)
@@ -83,3 +86,28 @@ def test_the_loss_is_that_of_f_on_states_of_moved_clouds(model):
 def test_only_dgcnn_can_start_so():
     with pytest.raises(TypeError, match="DGCNN"):
         start_as_support(LatentModel(Configuration(encoder="folding")))
+
+
+def test_spherical_harmonics_are_orthonormal_and_of_their_degree():
+    rows = spherical_harmonics(10)
+    assert rows.shape == (121, 512)
+    torch.testing.assert_close(rows @ rows.T, torch.eye(121), rtol=0, atol=0.02)
+    linear = rows[1:4] / rows[1:4].norm(dim=1, keepdim=True)  # degree 1: y, z, x in some order and sign
+    towards = directions().T / directions().norm(dim=0)[:, None]
+    assert (linear @ towards.T).abs().amax(dim=1).min() > 0.999
+
+
+def test_ds_first_answers_are_of_the_size_of_chamfer_distances(model, prepared_data):
+    """The factor that fits them best to the distances of moved training shapes from their targets is about 1."""
+    trainable = LatentCemTraining({}, data=prepared_data)
+    rng = np.random.default_rng(0)
+    predicted, true = [], []
+    for _ in range(24):
+        sample = {name: torch.from_numpy(values)[None] for name, values in trainable.sample(rng, 0.0).items()}
+        source, target, near = sample["source"], sample["copies"][:, :1], sample["near"][:, :1]
+        true.append(distances_after(source, target, near, source.shape[1])[0, 0])
+        predicted.append(model.evaluation(support_states(move(source, near[0, 0])), support_states(target[0])))
+    d, chamfer = torch.cat(predicted).detach(), torch.cat(true)
+    factor = (d @ chamfer / (d @ d)).item()
+    assert factor == pytest.approx(1, abs=0.15)
+    assert (d * factor - chamfer).square().mean() < 0.2 * chamfer.var()

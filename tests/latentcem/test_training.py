@@ -26,16 +26,35 @@ def test_a_sample_is_a_function_of_its_generator(prepared_data, dataset):
     assert all(np.array_equal(sample[name], again[name]) for name in sample)
 
 
-def test_first_f_and_d_are_trained_on_support_functions_then_everything(prepared_data):
+def test_first_f_then_d_too_are_trained_on_support_functions_then_everything(prepared_data):
     trainable = LatentCemTraining({**SMALL, "held_out": 9800}, data=prepared_data)
     batch = default_collate([trainable.sample(np.random.default_rng(seed), 0.0) for seed in range(2)])
-    for progress, trained in ((0.0, {"transformation", "evaluation"}), (0.9, None)):
+    every = {"encoder", "decoder", "transformation", "evaluation"}
+    for progress, trained in ((0.0, {"transformation"}), (0.6, {"transformation", "evaluation"}), (0.9, every)):
         torch.manual_seed(0)
         network = trainable.network()
         sum(trainable.losses(network, batch, progress).values()).backward()
         parts = {name.split(".")[0] for name, p in network.named_parameters() if p.grad is not None}
-        assert parts == (trained or {"encoder", "decoder", "transformation", "evaluation"})
+        assert parts == trained
         assert set(trainable.learning_rate_factors(network)) == {"evaluation."}
+
+
+def test_f_may_learn_in_mixed_precision_and_all_else_stays_in_full(prepared_data):
+    trainable = LatentCemTraining({**SMALL, "held_out": 9800}, data=prepared_data)
+    batch = default_collate([trainable.sample(np.random.default_rng(seed), 0.0) for seed in range(2)])
+    torch.manual_seed(0)
+    network = trainable.network()
+
+    def losses(progress, mixed):
+        torch.manual_seed(1)
+        with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
+            return {name: term.item() for name, term in trainable.losses(network, batch, progress).items()}
+
+    alone = losses(0.0, mixed=False)
+    assert losses(0.0, mixed=True) == pytest.approx(alone, rel=0.02)
+    assert losses(0.0, mixed=True) != alone
+    for progress in (0.6, 0.9):
+        assert losses(progress, mixed=True) == losses(progress, mixed=False)
 
 
 def test_what_is_held_out_or_tested_is_never_trained_on(prepared_data):
@@ -50,7 +69,8 @@ def test_what_is_held_out_or_tested_is_never_trained_on(prepared_data):
 
 
 def test_it_is_trainable(prepared_data):
-    for start in ({"support_share": 0.0}, {"start": "random"}, {"start": "random", "encoder": "folding"}):
+    jointly = {"alone_share": 0.0, "support_share": 0.0}
+    for start in (jointly, {"start": "random"}, {"start": "random", "encoder": "folding"}):
         assert check_trainable(LatentCemTraining({**SMALL, **start}, data=prepared_data)) == []
 
 
