@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.runner.helpers import FAULTY, hear_signals, regbench, rows_of, run_here, wait_until
+from tests.runner.helpers import FAULTY, regbench, rows_of, run_here, wait_until
 
 SLOW = """
 import numpy as np
@@ -71,9 +71,7 @@ def worker_pids(parent):
 def test_ctrl_c_says_how_to_go_on_and_loses_nothing(tmp_path):
     command = [sys.executable, "-m", "regbench", "run", "--plugin", str(FAULTY), "--method", "good,sleeps"]
     command += ["--out", str(tmp_path / "run")]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear_signals
-    )
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     journal = tmp_path / "run" / "trials.jsonl"
     wait_until(lambda: journal.exists() and journal.stat().st_size > 0)
     time.sleep(0.5)

@@ -13,7 +13,7 @@ from regbench.errors import UserError
 from regbench.runner import rundir
 from regbench.runner.journal import Journal
 from regbench.runner.rundir import RunDir
-from tests.runner.helpers import FAULTY, hear_signals, regbench, rows_of, run_here, wait_until
+from tests.runner.helpers import FAULTY, regbench, rows_of, run_here, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def test_a_polite_stop_leaves_no_process(tmp_path, number):
     """What a worker has started goes with it: death with the parent would reach the worker alone."""
     command = [sys.executable, "-m", "regbench", "run", "--plugin", str(FAULTY), "--method", "good,spins"]
     command += ["--out", str(tmp_path / "run")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hear_signals)
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     wait_until(lambda: grandchildren(process.pid))
     below = grandchildren(process.pid)
     process.send_signal(number)
