@@ -117,7 +117,7 @@ def main() -> None:
             "selection": lambda: nearest_neighbours(features, 20),
         },
     )
-    for widths in (((1024, 256), (256, 256)), ((512, 512), (512, 512))):
+    for widths in (((1024, 448), (256, 256)), ((512, 512), (512, 512))):
         compare_planners(*widths)
 
 
