@@ -3,6 +3,7 @@ import pytest
 import torch
 from scipy.spatial import ConvexHull
 
+from regbench_latentcem import support
 from regbench_latentcem.actions import motion_of, move
 from regbench_latentcem.losses import distances_after
 from regbench_latentcem.model import Configuration, LatentModel
@@ -111,3 +112,18 @@ def test_ds_first_answers_are_of_the_size_of_chamfer_distances(model, prepared_d
     factor = (d @ chamfer / (d @ d)).item()
     assert factor == pytest.approx(1, abs=0.15)
     assert (d * factor - chamfer).square().mean() < 0.2 * chamfer.var()
+
+
+def test_varied_sources_are_other_clouds_of_the_same_extent(model, monkeypatch):
+    """The sources that f is shown: of extent 1 as before, and not only turned."""
+    seen = []
+    monkeypatch.setattr(support, "support_states", lambda clouds: seen.append(clouds) or support_states(clouds))
+    extremes = extreme_points(cloud(batch=1).double().numpy())
+    for varied in (False, True):
+        support_transformation_loss(model, extremes, clouds=4, copies=2, noisy=0.0, varied=varied)
+    plain, other = seen[0], seen[2]
+    for sources in (plain, other):
+        torch.testing.assert_close(sources.norm(dim=2).amax(dim=1), torch.ones(4), rtol=0, atol=1e-5)
+    shapes = [torch.linalg.svdvals(sources) for sources in (plain, other)]
+    assert (shapes[0] - shapes[0][0]).abs().max() < 1e-4
+    assert (shapes[1] - shapes[0]).abs().amax(dim=1).min() > 0.01
