@@ -52,3 +52,28 @@ def ls(
         print(f"{name}: not ready: {why}")
     if not entries and not broken:
         print("no weights: no method here brings any")
+
+
+@app.command("record")
+def record(
+    runs: Annotated[list[Path], typer.Argument(help="Run folders.")],
+    plugin: Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with a method.")] = None,
+) -> None:
+    """Write the figures of runs into the model cards of the weights that they used, as "test"."""
+    from regbench.learning.weights import add_test_figures, card_path
+    from regbench.registry import MethodRegistry
+    from regbench.report.test_figures import figures_by_file
+    from regbench.runner.rundir import find_run
+
+    found, left_out = figures_by_file([find_run(run) for run in runs], MethodRegistry(plugin or []))
+    for path, figures in found.items():
+        if not card_path(path).is_file():
+            print(f"left out: {path} has no model card")
+            continue
+        add_test_figures(path, figures)
+        for method, by_protocol in figures.items():
+            print(f"{card_path(path)}: {method} on {', '.join(by_protocol)}")
+    for line in left_out:
+        print(f"left out: {line}")
+    if not found and not left_out:
+        print("no method of these runs has weights")

@@ -104,6 +104,19 @@ def load_weights(path: Path) -> Weights:
         raise UserError(f"weights {path}: not a safetensors file: {' '.join(str(error).split())}") from None
 
 
+def add_test_figures(path: Path, figures: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write test figures into a weight file's card: "test", by method and protocol; others that are there stay.
+
+    Raises:
+        UserError: The card cannot be read.
+    """
+    card = _read_card(card_path(path))
+    test = dict(card.get("test") or {})
+    for method, by_protocol in figures.items():
+        test[method] = {**test.get(method, {}), **by_protocol}
+    _replace(card_path(path), (json.dumps({**card, "test": test}, indent=2) + "\n").encode())
+
+
 def _read_card(path: Path) -> dict[str, Any]:
     try:
         card = json.loads(_read(path))
