@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from regbench.learning.edge_convolution import EdgeConvolution
-from regbench.learning.neighbours import nearest_neighbours
+from regbench.learning.layers.edge_convolution import EdgeConvolution
+from regbench.learning.layers.neighbours import nearest_neighbours
 from regbench_latentcem.actions import move
 from regbench_latentcem.dynamics import EvaluationNetwork, TransformationNetwork, learned_reward
 from regbench_latentcem.encoder import DgcnnEncoder

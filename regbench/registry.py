@@ -267,7 +267,7 @@ class MethodRegistry:
 
 
 class TrainableRegistry:
-    """What can be trained (regbench.learning.trainable), by name: installed, and in the plugin files given."""
+    """What can be trained (regbench.learning.training.trainable), by name: installed, and in the plugin files given."""
 
     def __init__(self, plugins: Sequence[Path] = ()) -> None:
         self._classes: dict[str, type] = {}

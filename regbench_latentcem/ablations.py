@@ -18,7 +18,7 @@ from .planning_picture import new_figure
 from .registrar import LatentCem
 
 if TYPE_CHECKING:
-    from regbench.learning.training_keeper import Progress
+    from regbench.learning.training.keeper import Progress
 
 Row = dict[str, Any]
 
@@ -139,8 +139,8 @@ def _train(
     progress: Progress,
 ) -> Any:
     """Train one pair of encoder and decoder, or go on with it; return the engine's Outcome."""
-    from regbench.learning import engine
-    from regbench.learning.recipe import load_recipe, parse_change
+    from regbench.learning.training import engine
+    from regbench.learning.training.recipe import load_recipe, parse_change
 
     from .training import LatentCemTraining
     from .weight_files import FOLDER

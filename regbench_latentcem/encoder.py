@@ -8,10 +8,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from regbench.learning.edge_convolution import EdgeConvolution, Normalisation
-from regbench.learning.linear_max import linear_max
-from regbench.learning.neighbour_max import neighbour_max
-from regbench.learning.neighbours import nearest_neighbours
+from regbench.learning.layers.edge_convolution import EdgeConvolution, Normalisation
+from regbench.learning.layers.linear_max import linear_max
+from regbench.learning.layers.neighbour_max import neighbour_max
+from regbench.learning.layers.neighbours import nearest_neighbours
 
 LATENT_SIZE = 512
 POINTS = 784  # of a cloud in the paper

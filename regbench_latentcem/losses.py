@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from regbench.learning.chamfer import chamfer_distance
+from regbench.learning.layers.chamfer import chamfer_distance
 
 from .actions import rotations_of
 from .model import LatentModel

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from torch import Tensor, nn
 
-from regbench.learning.edge_convolution import Normalisation
+from regbench.learning.layers.edge_convolution import Normalisation
 
 from .decoder import FoldingDecoder, MlpDecoder
 from .dynamics import EvaluationNetwork, TransformationNetwork, learned_reward

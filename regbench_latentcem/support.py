@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.special import sph_harm_y
 from torch import Tensor, nn
 
-from regbench.learning.edge_convolution import EdgeConvolution
-from regbench.learning.threads import as_many_as_torch
+from regbench.learning.layers.edge_convolution import EdgeConvolution
+from regbench.learning.layers.threads import as_many_as_torch
 
 from .actions import move
 from .encoder import LATENT_SIZE, DgcnnEncoder

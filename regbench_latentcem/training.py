@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor, nn
 
-from regbench.learning.recipe import read_table
-from regbench.learning.trainable import Sample, Trainable
+from regbench.learning.training.recipe import read_table
+from regbench.learning.training.trainable import Sample, Trainable
 from regbench.protocols.seven_scenes import normalised, split_scans
 from regbench.registry import open_dataset
 

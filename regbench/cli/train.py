@@ -34,10 +34,10 @@ def train(
     from regbench.cli.progress import say
     from regbench.cli.training_progress import training_display
     from regbench.datasets.store import data_dir
-    from regbench.learning import engine
-    from regbench.learning.recipe import load_recipe, parse_change
-    from regbench.learning.recipe_files import find_recipe
-    from regbench.learning.training_folder import default_folder
+    from regbench.learning.training import engine
+    from regbench.learning.training.folder import default_folder
+    from regbench.learning.training.recipe import load_recipe, parse_change
+    from regbench.learning.training.recipe_files import find_recipe
     from regbench.registry import TrainableRegistry
 
     trainable = TrainableRegistry(plugin or []).find(name)

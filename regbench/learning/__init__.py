@@ -1,1 +1,1 @@
-"""What learned methods share (torch): layers, the Chamfer distance, the weight store. Nothing else loads it."""
+"""What learned methods share (torch): layers, the training engine, the weight store. Nothing else loads it."""

@@ -15,9 +15,9 @@ import torch
 from regbench import registry
 from regbench.cli.main import main
 from regbench.learning.weights import save_weights
-from tests.learning.toy_training import TRAINING, Toy, toy_recipe
+from tests.learning.training.toy_training import TRAINING, Toy, toy_recipe
 
-TOY = Path(__file__).parent.parent / "learning" / "toy_training.py"
+TOY = Path(__file__).parent.parent / "learning" / "training" / "toy_training.py"
 
 
 @pytest.fixture
@@ -132,7 +132,7 @@ def installed(here, monkeypatch):
     folder.mkdir()
     monkeypatch.setattr(Toy, "recipes", folder)
     points = {
-        "toy": EntryPoint("toy", "tests.learning.toy_training:Toy", registry.TRAINABLES),
+        "toy": EntryPoint("toy", "tests.learning.training.toy_training:Toy", registry.TRAINABLES),
         "broken": EntryPoint("broken", "a_package_that_nobody_has:X", registry.TRAINABLES),
     }
     real = registry._entry_points

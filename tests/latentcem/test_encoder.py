@@ -3,8 +3,8 @@ import pytest
 import torch
 from torch.nn import functional
 
-from regbench.learning.edge_convolution import EdgeConvolution
-from regbench.learning.neighbours import nearest_neighbours
+from regbench.learning.layers.edge_convolution import EdgeConvolution
+from regbench.learning.layers.neighbours import nearest_neighbours
 from regbench_latentcem.encoder import DgcnnEncoder, FoldingEncoder, local_covariances
 
 ENCODERS = [DgcnnEncoder, lambda: DgcnnEncoder(normalisation="layer"), FoldingEncoder]

@@ -4,7 +4,7 @@ import torch
 from torch.utils.data import default_collate
 
 from regbench.errors import UserError
-from regbench.learning.check_trainable import check_trainable
+from regbench.learning.training.check_trainable import check_trainable
 from regbench.learning.weights import load_weights, save_weights
 from regbench.protocols.seven_scenes import split_scans
 from regbench.registry import open_dataset
