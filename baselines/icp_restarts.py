@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from itertools import islice
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from regbench.contract import Problem, Registrar, Registration
 from regbench.geometry.chamfer import chamfer_distance
+from regbench.geometry.icp import icp
 from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
 
 from .local_frame import LocalFrame
-from .open3d_library import import_open3d, point_cloud, point_to_point_icp
 from .starts import skip_without_prior, start_of
 
 Motion = NDArray[np.float64]
@@ -37,13 +37,11 @@ class IcpRestarts(Registrar):
         restarts: Most random starts. None: no such limit.
         max_distance: Farthest match, in extents of the target.
         max_iterations: Most iterations of each ICP.
-        tolerance: An ICP stops when fitness and RMSE (in extents) change by less.
+        tolerance: An ICP stops when its RMSE falls by less than this share of itself.
     """
 
     name = "icp_restarts"
     deterministic = False
-    # open3d's ICP takes half the time of regbench.geometry.icp, so twice as many starts fit.
-    requires = ("open3d",)
 
     def __init__(
         self,
@@ -61,10 +59,6 @@ class IcpRestarts(Registrar):
         self.max_distance = max_distance
         self.max_iterations = max_iterations
         self.tolerance = tolerance
-
-    def prepare(self) -> None:
-        """Import open3d."""
-        import_open3d()
 
     def skip(self, problem: Problem) -> str | None:
         """Decline problems without a motion prior if the starts are drawn from it."""
@@ -84,28 +78,23 @@ class IcpRestarts(Registrar):
             raise ValueError("icp_restarts needs a limit: budget_ms or restarts")
         began = time.perf_counter()
         frame = LocalFrame.of(problem)
-        source, target = point_cloud(frame.source), point_cloud(frame.target)
         least, answer, tried = np.inf, np.eye(4), 0
         for start in self._starts(problem, frame):
             if tried and not self._has_time_for_one_more(time.perf_counter() - began, tried):
                 break
-            T_local = self._icp(source, target, start)
+            T_local = icp(
+                frame.source,
+                frame.target,
+                start,
+                max_distance=self.max_distance,
+                max_iterations=self.max_iterations,
+                tolerance=self.tolerance,
+            ).T_target_source
             distance = chamfer_distance(transform(T_local, frame.source), frame.target)
             tried += 1
             if distance < least:
                 least, answer = distance, T_local
         return Registration(T_target_source=frame.from_local(answer), iterations=tried, confidence=-least)
-
-    def _icp(self, source: Any, target: Any, start: Motion) -> Motion:
-        result = point_to_point_icp(
-            source,
-            target,
-            start,
-            max_distance=self.max_distance,
-            max_iterations=self.max_iterations,
-            tolerance=self.tolerance,
-        )
-        return np.asarray(result.transformation)
 
     def _starts(self, problem: Problem, frame: LocalFrame) -> Iterator[Motion]:
         """Yield the starts in the local frame: the first, then as many random ones as are allowed."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+from regbench.geometry.nearest_tree import build_tree, nearest_neighbours
 
 
 def chamfer_distance(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
@@ -14,6 +15,6 @@ def chamfer_distance(first: NDArray[np.float64], second: NDArray[np.float64]) ->
         first: (N, 3), N >= 1.
         second: (M, 3), M >= 1.
     """
-    forth, _ = cKDTree(second).query(first)
-    back, _ = cKDTree(first).query(second)
-    return float(np.mean(forth) + np.mean(back))
+    _, forth = nearest_neighbours(*build_tree(second), first)
+    _, back = nearest_neighbours(*build_tree(first), second)
+    return float(np.mean(np.sqrt(forth)) + np.mean(np.sqrt(back)))

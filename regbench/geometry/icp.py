@@ -1,15 +1,15 @@
-"""Point-to-point ICP without open3d, as the last step of other methods."""
+"""Point-to-point ICP with exact nearest neighbours, compiled: a method of its own and the last step of others."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from regbench.geometry.kabsch import kabsch
-from regbench.geometry.se3 import transform
+from regbench.geometry.nearest_tree import DEEPEST, build_tree, nearest_in_tree
+from regbench.geometry.se3 import se3
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,12 +19,17 @@ class IcpResult:
     Attributes:
         T_target_source: (4, 4) float64.
         iterations: Motions computed.
-        converged: Whether the matches stopped changing; every further iteration would answer the same.
+        converged: Whether the matches stopped changing (every further iteration would answer the same), or the
+            residual by more than the tolerance.
+        residual: Root mean square distance of the last matches, before the last motion; NaN without any.
+        matched: Share of the source's points among them.
     """
 
     T_target_source: NDArray[np.float64]
     iterations: int
     converged: bool
+    residual: float
+    matched: float
 
 
 def icp(
@@ -34,6 +39,8 @@ def icp(
     *,
     max_iterations: int = 100,
     max_distance: float = np.inf,
+    overlap: float = 1.0,
+    tolerance: float = 0.0,
 ) -> IcpResult:
     """Align two clouds by point-to-point ICP (Besl and McKay 1992).
 
@@ -44,17 +51,130 @@ def icp(
         max_iterations: Most motions computed.
         max_distance: Pairs farther apart are left out; where fewer than three are left, the motion so far is the
             answer.
+        overlap: Share of the source's points, those of the nearest matches, that count (trimmed ICP, Chetverikov et
+            al. 2002).
+        tolerance: Stop where the residual falls by less than this share of itself; 0: where matches do not change.
+
+    Raises:
+        ValueError: A cloud has no points or some that are not finite, or overlap is not in (0, 1].
     """
-    tree = cKDTree(target)
-    T, matches = np.array(start, dtype=np.float64), None
+    for cloud in (source, target):
+        if len(cloud) == 0 or not np.isfinite(cloud).all():
+            raise ValueError("icp needs points in both clouds, all of them finite")
+    if not 0 < overlap <= 1:
+        raise ValueError(f"overlap is a share in (0, 1], got {overlap}")
+    tree, _, axes = build_tree(np.ascontiguousarray(target, dtype=np.float64))
+    rotation, translation = (np.array(part, dtype=np.float64) for part in (start[:3, :3], start[:3, 3]))
+    iterations, converged, residual, matched = _iterate(
+        np.ascontiguousarray(source, dtype=np.float64),
+        tree,
+        axes,
+        rotation,
+        translation,
+        max_iterations,
+        max_distance,
+        overlap,
+        tolerance,
+    )
+    return IcpResult(se3(rotation, translation), iterations, converged, residual, matched)
+
+
+@njit(cache=True)
+def _iterate(
+    source: NDArray[np.float64],
+    tree: NDArray[np.float64],
+    axes: NDArray[np.int8],
+    rotation: NDArray[np.float64],
+    translation: NDArray[np.float64],
+    max_iterations: int,
+    max_distance: float,
+    overlap: float,
+    tolerance: float,
+) -> tuple[int, bool, float, float]:
+    """Change the motion in place; return iterations, whether it converged, the residual, and the share of matches."""
+    count = len(source)
+    places, before = np.zeros(count, np.int64), np.full(count, -1, np.int64)
+    squares = np.empty(count)
+    lows, highs, beyond = np.empty(DEEPEST, np.int64), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
+    kept = int(np.ceil(overlap * count))
+    residual, matched = np.nan, 0
     for iteration in range(max_iterations):
-        # A point without a match within max_distance gets the index len(target).
-        nearest = np.asarray(tree.query(transform(T, source), distance_upper_bound=max_distance)[1])
-        if matches is not None and np.array_equal(nearest, matches):
-            return IcpResult(T, iteration, True)
-        matches = nearest
-        matched = matches < len(target)
-        if max_distance < np.inf and matched.sum() < 3:
-            return IcpResult(T, iteration, False)
-        T = kabsch(source[matched], target[matches[matched]])
-    return IcpResult(T, max_iterations, False)
+        place, changed = places[0], False
+        for index in range(count):
+            x, y, z = _moved(rotation, translation, source, index)
+            # Its match before, or its neighbour's in the first iteration.
+            guess = places[index] if iteration else place
+            place, squares[index] = nearest_in_tree(tree, axes, x, y, z, guess, lows, highs, beyond)
+            places[index] = place
+        farthest = max_distance * max_distance
+        if kept < count:
+            farthest = min(farthest, np.partition(squares, kept - 1)[kept - 1])
+        total, matched = 0.0, 0
+        for index in range(count):
+            match = places[index] if squares[index] <= farthest else -2
+            if match != before[index]:
+                changed = True
+                before[index] = match
+            if match >= 0:
+                total += squares[index]
+                matched += 1
+        if not changed:
+            return iteration, True, residual, matched / count
+        if matched < 3 and max_distance < np.inf:
+            return iteration, False, residual, matched / count
+        now = np.sqrt(total / matched)
+        _fit(source, tree, before, matched, rotation, translation)
+        if tolerance > 0 and residual - now < tolerance * residual:
+            return iteration + 1, True, now, matched / count
+        residual = now
+    return max_iterations, False, residual, matched / count
+
+
+@njit(cache=True, inline="always")
+def _moved(
+    rotation: NDArray[np.float64], translation: NDArray[np.float64], points: NDArray[np.float64], index: int
+) -> tuple[float, float, float]:
+    a, b, c = points[index, 0], points[index, 1], points[index, 2]
+    return (
+        rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2] * c + translation[0],
+        rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2] * c + translation[1],
+        rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c + translation[2],
+    )
+
+
+@njit(cache=True)
+def _fit(
+    source: NDArray[np.float64],
+    tree: NDArray[np.float64],
+    matches: NDArray[np.int64],
+    matched: int,
+    rotation: NDArray[np.float64],
+    translation: NDArray[np.float64],
+) -> None:
+    """Write the motion of least squares over the matches, those that are not negative (see kabsch.py)."""
+    source_mean, target_mean, covariance = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    for index in range(len(source)):
+        if matches[index] >= 0:
+            for axis in range(3):
+                source_mean[axis] += source[index, axis]
+                target_mean[axis] += tree[matches[index], axis]
+    source_mean /= matched
+    target_mean /= matched
+    for index in range(len(source)):
+        if matches[index] >= 0:
+            for row in range(3):
+                offset = source[index, row] - source_mean[row]
+                for column in range(3):
+                    covariance[row, column] += offset * (tree[matches[index], column] - target_mean[column])
+    U, _, Vt = np.linalg.svd(covariance)
+    if np.linalg.det(U) * np.linalg.det(Vt) < 0:
+        Vt[2] = -Vt[2]
+    for row in range(3):
+        for column in range(3):
+            rotation[row, column] = 0.0
+            for inner in range(3):
+                rotation[row, column] += Vt[inner, row] * U[column, inner]
+    for row in range(3):
+        translation[row] = target_mean[row]
+        for column in range(3):
+            translation[row] -= rotation[row, column] * source_mean[column]

@@ -6,13 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from regbench_baselines import icp_restarts, open3d_library
+from regbench_baselines import icp_restarts
 from regbench_baselines.icp import Icp
 from regbench_baselines.icp_restarts import IcpRestarts
 from scipy.spatial.transform import Rotation
 
 from regbench import Problem
 from regbench.geometry.chamfer import chamfer_distance
+from regbench.geometry.icp import icp
 from regbench.geometry.se3 import euler_deg_from_rotation, se3, transform
 from regbench.geometry.size import extent
 from regbench.registry import MethodRegistry, parse_methods
@@ -46,7 +47,7 @@ def test_conforms(parameters):
 def test_without_restarts_it_is_icp_from_matched_centroids(turned):
     problem, _ = turned
     answer = IcpRestarts(budget_ms=None, restarts=0).register(problem)
-    np.testing.assert_array_equal(answer.T_target_source, Icp().register(problem).T_target_source)
+    np.testing.assert_array_equal(answer.T_target_source, Icp(backend="numba").register(problem).T_target_source)
     assert answer.iterations == 1
 
 
@@ -127,9 +128,9 @@ def test_no_start_is_begun_that_would_end_after_the_budget(monkeypatch, turned, 
 
     def slow_icp(*arguments, **options):
         clock.now_s += 0.010
-        return open3d_library.point_to_point_icp(*arguments, **options)
+        return icp(*arguments, **options)
 
-    monkeypatch.setattr(icp_restarts, "point_to_point_icp", slow_icp)
+    monkeypatch.setattr(icp_restarts, "icp", slow_icp)
     monkeypatch.setattr(icp_restarts, "time", SimpleNamespace(perf_counter=lambda: clock.now_s))
     answer = IcpRestarts(budget_ms=budget_ms, restarts=7, max_iterations=1).register(turned[0])
     assert answer.iterations == tried

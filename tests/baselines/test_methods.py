@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from regbench import Problem
+from regbench.errors import UserError
 from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
 from regbench.registry import MethodRegistry, import_file, parse_methods
 from regbench.testing import assert_conforms
@@ -15,8 +16,14 @@ from regbench.testing import assert_conforms
 problems = import_file(Path(__file__).with_name("problems.py"))
 
 METHODS = ["icp", "gicp", "fgr", "ransac", "kiss_icp", "small_gicp"]
+OUR_ICP = "icp[backend=numba,init=prior]"
 SENTINELS = ["identity", "random", "oracle", "degenerate", "prior_mean"]
-VARIANTS = ["icp[metric=plane]", "small_gicp[registration_type=VGICP]"]
+VARIANTS = [
+    "icp[metric=plane]",
+    "icp[backend=numba]",
+    "icp[backend=numba,overlap=0.8]",
+    "small_gicp[registration_type=VGICP]",
+]
 
 
 def resolved(text):
@@ -51,6 +58,22 @@ def clean(shared_data):
 @pytest.fixture(scope="module")
 def noisy(shared_data):
     return [problems.clean_pair(shape, i, True) for i, shape in enumerate(problems.modelnet40_shapes(shared_data, 12))]
+
+
+def test_our_own_icp_is_open3ds(clean, noisy):
+    """The same minimum from the same start: on copies exactly, with noise within 0.05 degrees."""
+    for pairs, apart_deg in ((clean, 1e-6), (noisy, 0.05)):
+        for (one, _), (other, _) in zip(answers("icp[init=prior]", pairs), answers(OUR_ICP, pairs), strict=True):
+            assert problems.rotation_error_deg(one, other) < apart_deg
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("icp[backend=numba,metric=plane]", "metric=plane needs backend=open3d"), ("icp[overlap=0.5]", "does not trim")],
+)
+def test_what_a_backend_does_not_have_is_refused(text, reason):
+    with pytest.raises(UserError, match=reason):
+        build(text).prepare()
 
 
 @pytest.mark.parametrize("text", ["fgr", "ransac", "degenerate"])
