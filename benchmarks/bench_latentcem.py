@@ -10,14 +10,18 @@ import numpy as np
 import torch
 from torch.nn import functional
 
+from regbench import Problem
+from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
 from regbench.learning.layers.edge_convolution import EdgeConvolution
 from regbench.learning.layers.neighbours import nearest_neighbours
+from regbench.testing.clouds import body
 from regbench_latentcem.actions import move
 from regbench_latentcem.dynamics import EvaluationNetwork, TransformationNetwork, learned_reward
 from regbench_latentcem.encoder import DgcnnEncoder
 from regbench_latentcem.losses import reconstruction_loss, training_losses, transformation_loss
 from regbench_latentcem.model import LatentModel
 from regbench_latentcem.planner import generators_of, plan
+from regbench_latentcem.registrar import LatentCem
 from regbench_latentcem.sampling import Sampling, draw_sample
 from regbench_latentcem.support import start_as_support
 
@@ -117,8 +121,9 @@ def main() -> None:
             "selection": lambda: nearest_neighbours(features, 20),
         },
     )
-    for widths in (((1024, 448), (256, 256)), ((512, 512), (512, 512))):
+    for widths in (((1024, 256), (256, 64)), ((512, 512), (512, 512))):
         compare_planners(*widths)
+    time_calls()
 
 
 def sum_of(terms: dict[str, torch.Tensor]) -> torch.Tensor:
@@ -132,8 +137,7 @@ def compare_planners(of_f: tuple[int, int], of_d: tuple[int, int]) -> None:
 
     def naive_reward(actions: torch.Tensor) -> torch.Tensor:
         count = actions.shape[1]
-        pairs = torch.cat([z_source[:, None].expand(-1, count, -1), actions], dim=2)
-        moved = f.third(f.second(f.first(pairs).relu()).relu())
+        moved = f(z_source[:, None].repeat(1, count, 1), actions)
         joint = torch.cat([moved, z_target[:, None].expand(-1, count, -1)], dim=2)
         return -d.third(d.second(d.first(joint).relu()).relu()).squeeze(2)
 
@@ -152,6 +156,24 @@ def compare_planners(of_f: tuple[int, int], of_d: tuple[int, int]) -> None:
             "floor": lambda: [rows @ columns for _ in range(10) for rows, columns in left],
         },
     )
+
+
+def time_calls() -> None:
+    """Time whole calls with the shipped weights, on 784 points, after a warm-up."""
+    method = LatentCem()
+    method.prepare()
+    truth = se3(rotation_from_euler_deg([10.0, 30.0, 20.0]), np.zeros(3))
+    samples: dict[str, list[float]] = {}
+    for seed in range(REPEATS + 1):
+        source = body(POINTS, seed=seed)
+        problem = Problem(source=source, target=transform(truth, source), threads=torch.get_num_threads())
+        start = time.perf_counter()
+        answer = method.register(problem)
+        took = {"call": time.perf_counter() - start, **answer.stages_s}
+        for name in took if seed else ():
+            samples.setdefault(name, []).append(took[name] * 1e3)
+    words = ", ".join(f"{name} {statistics.median(values):.0f} ms" for name, values in samples.items())
+    print(f"latentcem, {POINTS} points, torch threads: {torch.get_num_threads()}: {words}")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def load_paper_model(name: str) -> LatentModel:
     weights = load_weights(path)
     try:
         configuration = Configuration.from_card(weights.card["configuration"])
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"weights {path}: the model card's 'configuration' is not LatentCEM's: {error}") from None
     model = LatentModel(configuration)
     weights.load_into(model.without_decoder())

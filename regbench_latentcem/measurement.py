@@ -6,6 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,13 +65,14 @@ def measure(method: LatentCem, problems: Problems) -> Figures:
         UserError: The method's weights are missing or damaged.
     """
     method.prepare()
-    method.warm_up(problems.pairs[0][0])
+    with suppress(ValueError):  # rewards that are not finite: what weights of a failed training give
+        method.warm_up(problems.pairs[0][0])
     answers, failures, plan_s, time_s = [], 0, [], []
     for problem, _ in problems.pairs:
         began = time.perf_counter()
         try:
             answer = method.register(problem)
-        except ValueError:  # rewards that are not finite: what weights of a failed training give
+        except ValueError:  # likewise
             answers.append(np.eye(4))
             failures += 1
             continue
@@ -120,7 +122,7 @@ class Kept:
         """
         what = {
             "problems": problems.name,
-            "version": method.version,
+            "source": _sha256_of_the_source(),
             "parameters": {key: value for key, value in parameters_of(method).items() if key != "weights"},
             "weights": _sha256(weights),
             **circumstances,
@@ -151,8 +153,17 @@ def _make(folder: Path) -> None:
         raise UserError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
+def _sha256_of_the_source() -> str:
+    """Return a hash of this package's modules: figures of another version of the method are not kept."""
+    return hashlib.sha256(b"".join(_content(path) for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+
+
 def _sha256(path: Path) -> str:
+    return hashlib.sha256(_content(path)).hexdigest()
+
+
+def _content(path: Path) -> bytes:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return path.read_bytes()
     except OSError as error:
-        raise UserError(f"latentcem: weights {path}: cannot be read ({error.strerror})") from error
+        raise UserError(f"latentcem: {path}: cannot be read ({error.strerror})") from error

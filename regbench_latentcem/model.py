@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 from torch import Tensor, nn
 
 from regbench.learning.layers.edge_convolution import Normalisation
@@ -35,7 +36,8 @@ class Configuration:
         evaluation_widths: Of d's hidden layers.
         start_rad: Each of the three angles by which a source is turned before it is encoded, if no other start is
             given: the mean of the motions that the model was trained on. Actions are about there.
-        action_deviation_rad: The planner's natural spread of the angles: a little more than those motions'.
+        action_deviation_rad: The planner's natural spread of the angles: a little more than those motions'. Actions
+            enter f in this unit.
         action_deviation_translation: Likewise, of the translation, in extents of the target.
     """
 
@@ -43,23 +45,25 @@ class Configuration:
     decoder: Literal["folding", "mlp"] = "folding"
     neighbours: int = 20
     normalisation: Normalisation = "none"
-    transformation_widths: tuple[int, int] = (1024, 448)
-    evaluation_widths: tuple[int, int] = (256, 256)
+    transformation_widths: tuple[int, int] = (1024, 256)
+    evaluation_widths: tuple[int, int] = (256, 64)
     start_rad: float = BENCHMARK_MEAN_RAD
     action_deviation_rad: float = 0.25
     action_deviation_translation: float = 0.03
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
 
     @classmethod
     def from_card(cls, values: Mapping[str, Any]) -> Configuration:
         """Return the configuration that a card holds.
 
         Raises:
-            TypeError: A name is unknown.
+            ValueError: A name is unknown, or a value is not of its type.
         """
-        fields: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
-        }
-        return cls(**fields)
+        try:
+            return TypeAdapter(cls).validate_python(dict(values))
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
     def as_card(self) -> dict[str, Any]:
         """Return the configuration as JSON can hold it."""
@@ -97,7 +101,10 @@ class LatentModel(nn.Module):
             else FoldingEncoder()
         )
         self.decoder: nn.Module = FoldingDecoder() if configuration.decoder == "folding" else MlpDecoder()
-        self.transformation = TransformationNetwork(widths=configuration.transformation_widths)
+        self.transformation = TransformationNetwork(
+            widths=configuration.transformation_widths,
+            action_deviations=(configuration.action_deviation_rad, configuration.action_deviation_translation),
+        )
         self.evaluation = EvaluationNetwork(widths=configuration.evaluation_widths)
 
     @property

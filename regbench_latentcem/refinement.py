@@ -73,8 +73,10 @@ class Residuals:
     def __init__(self, source: Points, target: Points) -> None:
         self._clouds = source, target
         self._trees = cKDTree(source), cKDTree(target)
-        own = np.asarray(self._trees[1].query(target, min(2, len(target)))[0])
-        self.spacing = float(np.median(own.reshape(len(target), -1)[:, -1]))
+        # Of distinct points: repeated ones are no nearer to each other than the surface is sampled.
+        distinct = np.unique(target, axis=0)
+        own = np.asarray(cKDTree(distinct).query(distinct, min(2, len(distinct)))[0])
+        self.spacing = float(np.median(own.reshape(len(distinct), -1)[:, -1]))
 
     def distances(self, T: Motion, step: int = 1) -> Points:
         """Return the distances of every `step`-th point of both clouds, one after the other."""
@@ -103,8 +105,12 @@ class Residuals:
         return T
 
     def truncated(self, distances: Points, spacings: float) -> float:
-        """Return the root mean square of distances of which none counts more than so many spacings."""
-        return float(np.sqrt(np.mean(np.minimum(distances, spacings * self.spacing) ** 2)))
+        """Return the root mean square of distances of which none counts more than so many spacings.
+
+        A target of one point has no spacing: there all of them count.
+        """
+        most = spacings * self.spacing if self.spacing else np.inf
+        return float(np.sqrt(np.mean(np.minimum(distances, most) ** 2)))
 
 
 def _soft_matches(tree: cKDTree, points: Points) -> Points:

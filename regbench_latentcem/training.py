@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Literal, cast
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from torch import Tensor, nn
 
+from regbench.errors import UserError
 from regbench.learning.training.recipe import read_table
 from regbench.learning.training.trainable import Sample, Trainable
 from regbench.protocols.seven_scenes import normalised, split_scans
@@ -51,7 +52,7 @@ class Settings(BaseModel):
         reconstruction_weight: Of Eq. 4.
         transformation_weight: Of Eq. 6.
         evaluation_weight: Of Eq. 7 and of its form on f's predictions. Its squares of distances under 1 are small.
-        evaluation_rate: Learning rate of d, as a factor on the recipe's.
+        evaluation_rate: Learning rate of d, as a factor on the recipe's; with start = "support".
         encoder: As `Configuration`'s.
         decoder: As `Configuration`'s.
     """
@@ -78,6 +79,12 @@ class Settings(BaseModel):
     encoder: Literal["dgcnn", "folding"] = "dgcnn"
     decoder: Literal["folding", "mlp"] = "folding"
 
+    @model_validator(mode="after")
+    def _can_start(self) -> Settings:
+        if self.start == "support" and self.encoder != "dgcnn":
+            raise ValueError('start = "support" needs encoder = "dgcnn"; FoldingNet\'s starts with "random"')
+        return self
+
 
 class LatentCemTraining(Trainable):
     """Trains the paper's four networks on self-made motions of clouds, without labels."""
@@ -90,6 +97,7 @@ class LatentCemTraining(Trainable):
     def __init__(self, settings: Mapping[str, Any], *, data: Path) -> None:
         super().__init__(settings, data=data)
         self.table = read_table(Settings, settings, "latentcem: [method]")
+        self.settings = self.table.model_dump()
         self.configuration = Configuration(encoder=self.table.encoder, decoder=self.table.decoder)
 
     def network(self) -> LatentModel:
@@ -140,12 +148,12 @@ class LatentCemTraining(Trainable):
         weights.load_into(cast(LatentModel, network).without_decoder())
 
     def learning_rate_factors(self, network: nn.Module) -> dict[str, float]:
-        """Return a lower rate for d, which starts as a measure of z' - z.
+        """Return a lower rate for d where it starts as a measure of z' - z.
 
         Trained faster it predicts distances better and the planner's answers get worse: at a factor of 0.15 its median
         error doubled in 1000 steps.
         """
-        return {"evaluation.": self.table.evaluation_rate}
+        return {"evaluation.": self.table.evaluation_rate} if self.table.start == "support" else {}
 
     def card(self) -> dict[str, Any]:
         """Return data, split and configuration."""
@@ -174,7 +182,7 @@ class LatentCemTraining(Trainable):
     def _loss_on_support(self, model: LatentModel, batch: dict[str, Tensor]) -> Tensor:
         return support_transformation_loss(
             model,
-            self._extremes.to(batch["source"].device),
+            self._extremes_on(batch["source"].device),
             clouds=self.table.support_clouds,
             copies=self.table.support_copies,
             noisy=self.table.noisy,
@@ -185,13 +193,25 @@ class LatentCemTraining(Trainable):
     def _extremes(self) -> Tensor:
         return extreme_points(self._cloud(int(index)) for index in self._split[0])
 
+    def _extremes_on(self, device: torch.device) -> Tensor:
+        """Return the extreme points on a device; they are copied there once."""
+        if self._extremes.device != device:
+            self._extremes = self._extremes.to(device)
+        return self._extremes
+
     @cached_property
     def _dataset(self) -> Any:
         return open_dataset(self.table.dataset, self.data)
 
     @cached_property
     def _points(self) -> NDArray[np.float32]:
-        return np.asarray(self._dataset.splits["train" if self.table.dataset == "modelnet40" else "scans"].points)
+        points = np.asarray(self._dataset.splits["train" if self.table.dataset == "modelnet40" else "scans"].points)
+        if points.shape[1] < self.table.points:
+            raise UserError(
+                f"latentcem: [method] points = {self.table.points}: clouds of {self.table.dataset} have "
+                f"{points.shape[1]}"
+            )
+        return points
 
     @cached_property
     def _split(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -200,13 +220,18 @@ class LatentCemTraining(Trainable):
             indices = np.arange(len(self._points))
         else:
             indices, _ = split_scans(self._dataset.splits["scans"].ids)
+        if self.table.held_out >= len(indices):
+            raise UserError(
+                f"latentcem: [method] held_out = {self.table.held_out} leaves no cloud to train on: "
+                f"{self.table.dataset} has {len(indices)}"
+            )
         shuffled = np.random.Generator(np.random.PCG64(1)).permutation(indices)
         return shuffled[self.table.held_out :], shuffled[: self.table.held_out]
 
     def _cloud(self, index: int) -> Array:
         """Return a cloud as the protocol takes it; of a scan, all its points, of which samples draw some."""
         if self.table.dataset == "modelnet40":
-            return np.asarray(self._points[index, :POINTS], dtype=np.float64)
+            return np.asarray(self._points[index, : max(POINTS, self.table.points)], dtype=np.float64)
         return normalised(np.asarray(self._points[index], dtype=np.float64))
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -60,8 +61,8 @@ def train(
         )
     if not outcome.is_main:
         return 0
-    if outcome.signal is not None:
+    if outcome.steps < outcome.total:
         say(f"{folder}: saved at step {outcome.steps} of {outcome.total}")
-        return 128 + outcome.signal
+        return 128 + (outcome.signal or signal.SIGTERM)  # None: it came to another of the processes
     print(f"{folder}: {outcome.steps} steps done; {outcome.best_words()}")
-    return 0
+    return 0 if outcome.best is not None else 1

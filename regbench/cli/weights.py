@@ -60,19 +60,20 @@ def record(
     plugin: Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with a method.")] = None,
 ) -> None:
     """Write the figures of runs into the model cards of the weights that they used, as "test"."""
-    from regbench.learning.weights import add_test_figures, card_path
+    from regbench.learning.weights import SUFFIX, add_test_figures, card_path
     from regbench.registry import MethodRegistry
-    from regbench.report.test_figures import figures_by_file
+    from regbench.report.weight_figures import figures_by_file
     from regbench.runner.rundir import find_run
 
     found, left_out = figures_by_file([find_run(run) for run in runs], MethodRegistry(plugin or []))
     for path, figures in found.items():
-        if not card_path(path).is_file():
-            print(f"left out: {path} has no model card")
+        if path.suffix != SUFFIX or not card_path(path).is_file():
+            left_out.append(f"{path}: no weight file with a model card")
             continue
-        add_test_figures(path, figures)
-        for method, by_protocol in figures.items():
-            print(f"{card_path(path)}: {method} on {', '.join(by_protocol)}")
+        written, fewer = add_test_figures(path, figures)
+        left_out += fewer
+        for what in written:
+            print(f"{card_path(path)}: {what}")
     for line in left_out:
         print(f"left out: {line}")
     if not found and not left_out:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 from torch import Tensor, nn
 
 from regbench.errors import UserError
+from regbench.files import write_atomically
 
 SUFFIX = ".safetensors"
 
@@ -67,7 +67,7 @@ def save_weights(path: Path, tensors: Mapping[str, Tensor], card: Mapping[str, A
         card: Whatever JSON can hold; "sha256" is added.
 
     Raises:
-        UserError: The path does not end in .safetensors, or the card cannot be written as JSON.
+        UserError: The path does not end in .safetensors, the card cannot be written as JSON, or a file not at all.
     """
     from safetensors.torch import save
 
@@ -78,8 +78,8 @@ def save_weights(path: Path, tensors: Mapping[str, Tensor], card: Mapping[str, A
         text = json.dumps({**card, "sha256": hashlib.sha256(data).hexdigest()}, indent=2) + "\n"
     except (TypeError, ValueError) as error:
         raise UserError(f"weights {path}: the card cannot be written as JSON: {error}") from None
-    _replace(path, data)
-    _replace(card_path(path), text.encode())
+    write_atomically(path, data)
+    write_atomically(card_path(path), text.encode())
 
 
 def load_weights(path: Path) -> Weights:
@@ -104,17 +104,47 @@ def load_weights(path: Path) -> Weights:
         raise UserError(f"weights {path}: not a safetensors file: {' '.join(str(error).split())}") from None
 
 
-def add_test_figures(path: Path, figures: Mapping[str, Mapping[str, Any]]) -> None:
-    """Write test figures into a weight file's card: "test", by method and protocol; others that are there stay.
+def add_test_figures(
+    path: Path, figures: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
+) -> tuple[list[str], list[str]]:
+    """Write test figures into a weight file's card: "test", by method, protocol and device; others stay as they are.
+
+    Args:
+        path: The weight file.
+        figures: By method, protocol and device; "n" among them.
+
+    Returns:
+        In words, what was written, and what was not: figures of fewer trials than those that are there.
 
     Raises:
-        UserError: The card cannot be read.
+        UserError: The card cannot be read or written, or its "test" is not such a table.
     """
     card = _read_card(card_path(path))
-    test = dict(card.get("test") or {})
-    for method, by_protocol in figures.items():
-        test[method] = {**test.get(method, {}), **by_protocol}
-    _replace(card_path(path), (json.dumps({**card, "test": test}, indent=2) + "\n").encode())
+    test = card.get("test", {})
+    written, left_out = [], []
+    rows = [
+        (method, protocol, device, new)
+        for method, by_protocol in figures.items()
+        for protocol, by_device in by_protocol.items()
+        for device, new in by_device.items()
+    ]
+    for method, protocol, device, new in rows:
+        what = f"{method} on {protocol}, {device}"
+        try:
+            there = test.setdefault(method, {}).setdefault(protocol, {})
+            before = there.get(device, {}).get("n", 0)
+            if before > new["n"]:
+                left_out.append(f"{what}: the card has figures of {before} trials, these are of {new['n']}")
+                continue
+        except (AttributeError, TypeError):
+            where = card_path(path)
+            raise UserError(
+                f"model card {where}: its 'test' is no table by method, protocol and device; delete it"
+            ) from None
+        there[device] = dict(new)
+        written.append(what)
+    write_atomically(card_path(path), (json.dumps({**card, "test": test}, indent=2) + "\n").encode())
+    return written, left_out
 
 
 def _read_card(path: Path) -> dict[str, Any]:
@@ -132,15 +162,6 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise UserError(f"weights: cannot read {path}: {error.strerror}") from None
-
-
-def _replace(path: Path, data: bytes) -> None:
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _shape(shape: tuple[int, ...] | None) -> str:

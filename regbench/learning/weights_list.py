@@ -39,7 +39,9 @@ def words(entry: Entry) -> list[str]:
     if not entry["ok"]:
         return [*head, *[""] * (len(HEADER) - 3), f"damaged: {entry['reason']}"]
     figures, monitor = entry["validation"], entry["monitor"]
-    has_figure = isinstance(figures, dict) and isinstance(figures.get(monitor), int | float)
+    has_figure = (
+        isinstance(figures, dict) and isinstance(monitor, str) and isinstance(figures.get(monitor), int | float)
+    )
     return [
         *head,
         f"{entry['parameters']:,}",

@@ -67,6 +67,7 @@ class Manifest:
     protocols: Mapping[str, ProtocolInfo]
     repeat: int
     machine: str
+    device: str
 
 
 def read_manifest(run_dir: Path) -> Manifest:
@@ -114,4 +115,4 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
     }
     hardware = content["hardware"]
     machine = f"{hardware['cpu']}, {hardware['cores']} cores"
-    return Manifest(methods, protocols, int(config.get("repeat", 1)), machine)
+    return Manifest(methods, protocols, int(config.get("repeat", 1)), machine, str(config.get("device", "cpu")))

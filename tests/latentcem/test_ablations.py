@@ -17,7 +17,7 @@ from PIL import Image
 from regbench.cli.main import main
 from regbench.datasets.dataset import Split
 from regbench.datasets.store_writer import write_dataset
-from regbench.learning import training_keeper
+from regbench.learning.training import keeper
 from regbench.learning.weights import save_weights
 from regbench.testing.clouds import body
 from regbench_latentcem import ablations, measurement
@@ -64,7 +64,7 @@ def made_small(folder):
         patch.setattr(ablations, "ITERATIONS", (1, 2))
         patch.setattr(ablations, "CANDIDATES", (30, 40))
         # The pictures of the trainings themselves would take most of the time.
-        patch.setattr(training_keeper, "plot_training", lambda rows, path: None)
+        patch.setattr(keeper, "plot_training", lambda rows, path: None)
         yield folder
     torch.set_num_threads(before)
 

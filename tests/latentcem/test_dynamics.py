@@ -11,6 +11,8 @@ def test_the_planners_reward_is_that_of_the_two_networks(widths):
     f, d = TransformationNetwork(widths=widths), EvaluationNetwork(widths=widths)
     z_source, z_target, actions = torch.randn(2, 512), torch.randn(2, 512), torch.randn(2, 30, 6)
     every_z_source, every_z_target = (z[:, None].expand(-1, 30, -1) for z in (z_source, z_target))
+    f.state_mean.fill_(0.3)
+    f.state_deviation.fill_(0.2)
     naive = -d(f(every_z_source, actions), every_z_target)  # Eq. 2
     reward = learned_reward(f, d, z_source, z_target)
     torch.testing.assert_close(reward(actions), naive.detach(), rtol=0, atol=1e-5)
@@ -20,9 +22,14 @@ def test_the_planners_reward_is_that_of_the_two_networks(widths):
 def test_states_may_be_broadcast_over_actions():
     f, d = TransformationNetwork(widths=(64, 32)), EvaluationNetwork(widths=(64, 32))
     z, z_target, actions = torch.randn(2, 1, 512), torch.randn(2, 1, 512), torch.randn(2, 30, 6)
-    pairs = torch.cat([z.expand(-1, 30, -1), actions], dim=2)
-    moved = z + f.third(f.second(f.first(pairs).relu()).relu())  # as the paper writes it, f([z, a]), and a skip
-    torch.testing.assert_close(f(z, actions), moved, rtol=0, atol=1e-5)
+    f.state_mean.fill_(0.3)
+    f.state_deviation.fill_(0.2)
+    # As it is documented: f([z, a]) in units of the spread, an action stretches and shifts z's share, and a skip.
+    share = f.of_state((z.expand(-1, 30, -1) - 0.3) / 0.2)
+    units = actions / torch.tensor([0.25, 0.25, 0.25, 0.03, 0.03, 0.03])
+    first = share + share * f.stretch(units) + f.shift(units)
+    moved = z + f.third(f.second(first.relu()).relu())
+    torch.testing.assert_close(f(z, actions), moved, rtol=0, atol=1e-4)
     joint = torch.cat([moved, z_target.expand(-1, 30, -1)], dim=2)
     torch.testing.assert_close(
         d(moved, z_target), d.third(d.second(d.first(joint).relu()).relu()).squeeze(2), rtol=0, atol=1e-5

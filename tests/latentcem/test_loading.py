@@ -1,5 +1,7 @@
 """Weights by name, from the package, or by path."""
 
+import json
+
 import pytest
 import torch
 
@@ -37,3 +39,23 @@ def test_missing_weights_are_named(folder):
         weights_path("b")
     with pytest.raises(UserError, match=r"weights gone/a\.safetensors: no such file"):
         LatentCem(weights="gone/a.safetensors").prepare()
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"transformation_widths": 5}, "transformation_widths: Input should be a valid tuple"),
+        ({"transformation_widths": [8, 8, 8]}, "transformation_widths: Tuple should have at most 2"),
+        ({"start_rad": None}, "start_rad: Input should be a valid number"),
+        ({"widths": 5}, "widths: Unexpected"),
+        ("dgcnn", "configuration"),
+    ],
+)
+def test_a_card_that_is_not_latentcems_is_refused_in_one_line(folder, changed, reason):
+    path = folder / "a.json"
+    card = json.loads(path.read_text())
+    card["configuration"] = {**card["configuration"], **changed} if isinstance(changed, dict) else changed
+    path.write_text(json.dumps(card))
+    with pytest.raises(UserError, match=reason) as raised:
+        LatentCem(weights="a").prepare()
+    assert "\n" not in str(raised.value)

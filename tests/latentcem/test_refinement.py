@@ -38,6 +38,21 @@ def test_the_motion_of_least_residual_is_found_among_wrong_ones():
     assert found.covered == 1
 
 
+def test_points_that_are_there_twice_say_no_more_than_once():
+    source, truth = centred(), turn(70)
+    candidates = [turn(degrees) for degrees in (0, 180, 75)]
+    twice = np.repeat(transform(truth, source), 2, axis=0)
+    found = verified(candidates, np.repeat(source, 2, axis=0), twice, 100)
+    np.testing.assert_allclose(found.T_target_source, truth, atol=1e-9)
+    assert Residuals(source, twice).spacing == pytest.approx(Residuals(source, transform(truth, source)).spacing)
+
+
+def test_a_target_of_one_point_has_no_spacing_and_all_distances_count():
+    residuals = Residuals(centred(50), np.zeros((5, 3)))
+    assert residuals.spacing == 0
+    assert residuals.truncated(np.array([3.0, 4.0]), 1.0) == pytest.approx(12.5**0.5)
+
+
 def test_the_order_of_the_candidates_behind_the_start_does_not_matter():
     source = centred()
     target = transform(turn(70), source) + np.random.default_rng(0).normal(0, 0.01, source.shape)

@@ -114,6 +114,29 @@ def test_ds_first_answers_are_of_the_size_of_chamfer_distances(model, prepared_d
     assert (d * factor - chamfer).square().mean() < 0.2 * chamfer.var()
 
 
+def test_under_mixed_precision_motions_and_states_keep_their_digits(model, monkeypatch):
+    seen = []
+    monkeypatch.setattr(support, "support_states", lambda clouds: seen.append(clouds) or support_states(clouds))
+    extremes = extreme_points(cloud(batch=1).double().numpy())
+    for mixed in (False, True):
+        torch.manual_seed(1)
+        with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
+            support_transformation_loss(model, extremes, clouds=4, copies=2, noisy=0.5)
+    assert all(clouds.dtype == torch.float32 for clouds in seen)
+    for full, under_autocast in zip(seen[:2], seen[2:], strict=True):
+        assert torch.equal(full, under_autocast)
+
+
+def test_states_enter_f_in_units_of_their_spread(model, prepared_data):
+    trainable = LatentCemTraining({}, data=prepared_data)
+    rng = np.random.default_rng(0)
+    clouds = [trainable.sample(rng, 0.0)["copies"][0] for _ in range(48)]
+    states = support_states(torch.from_numpy(np.stack(clouds)))
+    f = model.transformation
+    assert f.state_mean.item() == pytest.approx(states.mean().item(), abs=0.03)
+    assert f.state_deviation.item() == pytest.approx(states.std().item(), abs=0.03)
+
+
 def test_varied_sources_are_other_clouds_of_the_same_extent(model, monkeypatch):
     """The sources that f is shown: of extent 1 as before, and not only turned."""
     seen = []

@@ -8,7 +8,7 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,6 +18,8 @@ from regbench.learning.training.folder import TrainingFolder
 from regbench.learning.training.recipe import Recipe
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from regbench.learning.training.keeper import Progress
     from regbench.learning.training.trainable import Trainable
     from regbench.learning.weights import Weights
@@ -92,7 +94,10 @@ def train(
     on_cuda = _is_cuda(device)
     if recipe.training.batch % devices:
         raise UserError(f"training.batch = {recipe.training.batch} cannot be shared evenly by --devices {devices}")
+    if on_cuda and devices > _count_of_gpus():
+        raise UserError(f"--devices {devices}: torch finds {_count_of_gpus()} CUDA device(s) here")
     trainable = trainable_class(recipe.method, data=data)
+    recipe = replace(recipe, method=dict(trainable.settings))
     folder = TrainingFolder(out, recipe.trains)
     # Lightning starts this very command once more for each further device, and numbers them so.
     is_main = devices == 1 or os.environ.get("LOCAL_RANK", "0") == "0"
@@ -129,7 +134,8 @@ def _fit(
         "torch": torch.__version__,
         "started_from": weights.card["sha256"] if weights else None,
     }
-    checkpoint = _read_checkpoint(folder, facts["started_from"])
+    card = trainable.card()
+    checkpoint = _read_checkpoint(folder, facts["started_from"], card)
     done = checkpoint["global_step"] if checkpoint else 0
     training = recipe.training
     if done >= training.steps:
@@ -140,7 +146,10 @@ def _fit(
     network = trainable.network()
     if weights is not None:
         trainable.load(network, weights)
-    keeper = Keeper(folder, recipe, facts, progress or NoProgress())
+    module = TrainingModule(trainable, training, network)
+    if checkpoint is not None:
+        _check_same_networks(folder, checkpoint["state_dict"], module.state_dict())
+    keeper = Keeper(folder, recipe, card, facts, progress or NoProgress())
     trainer = Trainer(
         accelerator="cuda" if on_cuda else "cpu",
         devices=devices,
@@ -167,7 +176,7 @@ def _fit(
     keeper.stop.listen()
     try:
         trainer.fit(
-            TrainingModule(trainable, training, network),
+            module,
             loader,
             ckpt_path=folder.last if checkpoint else None,
             weights_only=True,  # nothing is unpickled but tensors and plain values
@@ -182,7 +191,9 @@ def _fit(
     )
 
 
-def _read_checkpoint(folder: TrainingFolder, started_from: str | None) -> dict[str, Any] | None:
+def _read_checkpoint(
+    folder: TrainingFolder, started_from: str | None, card: Mapping[str, Any]
+) -> dict[str, Any] | None:
     """Return the checkpoint to continue from, or None where there is none yet."""
     import torch
 
@@ -190,7 +201,8 @@ def _read_checkpoint(folder: TrainingFolder, started_from: str | None) -> dict[s
         return None
     try:
         checkpoint: dict[str, Any] = torch.load(folder.last, map_location="cpu", weights_only=True)
-        before = checkpoint["callbacks"]["Keeper"]["started_from"]
+        kept = checkpoint["callbacks"]["Keeper"]
+        before, made_for = kept["started_from"], kept["card"]
     except Exception as error:  # torch raises many kinds for a damaged file
         reason = " ".join(str(error).split())[:120]
         raise UserError(
@@ -202,7 +214,25 @@ def _read_checkpoint(folder: TrainingFolder, started_from: str | None) -> dict[s
             f"{folder.path}: holds a training that began from {_weights_words(before)}, --from now asks for "
             f"{_weights_words(started_from)}; give another --out"
         )
+    changed = [key for key in {**made_for, **card} if made_for.get(key) != card.get(key)]
+    if changed:
+        key = changed[0]
+        raise UserError(
+            f"{folder.path}: holds a training whose {key} is {made_for.get(key)}, now it is {card.get(key)}; give "
+            "another --out, or what it began with"
+        )
     return checkpoint
+
+
+def _check_same_networks(folder: TrainingFolder, kept: Mapping[str, Tensor], now: Mapping[str, Tensor]) -> None:
+    """Raise where a checkpoint's networks are not those of the method as it is here."""
+    shapes, expected = ({name: tuple(value.shape) for name, value in state.items()} for state in (kept, now))
+    wrong = sorted(name for name in shapes.keys() | expected.keys() if shapes.get(name) != expected.get(name))
+    if wrong:
+        raise UserError(
+            f"{folder.last}: of another version of {folder.name}, whose networks are others ({len(wrong)} tensors, "
+            f"such as '{wrong[0]}'); give another --out"
+        )
 
 
 def _weights_words(sha256: str | None) -> str:
@@ -230,6 +260,12 @@ def _is_cuda(device: Device) -> bool:
     if device == "cuda" and not there:
         raise UserError("--device cuda: torch finds no CUDA device here; `regbench doctor` says what it sees")
     return there and device != "cpu"
+
+
+def _count_of_gpus() -> int:
+    import torch
+
+    return torch.cuda.device_count()
 
 
 def _device_words(on_cuda: bool, devices: int) -> str:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Protocol
 
 import torch
@@ -59,8 +60,16 @@ class Keeper(Callback):
         stop: The request to end.
     """
 
-    def __init__(self, folder: TrainingFolder, recipe: Recipe, facts: Mapping[str, Any], progress: Progress) -> None:
-        self._folder, self._recipe, self._facts, self._progress = folder, recipe, facts, progress
+    def __init__(
+        self,
+        folder: TrainingFolder,
+        recipe: Recipe,
+        card: Mapping[str, Any],
+        facts: Mapping[str, Any],
+        progress: Progress,
+    ) -> None:
+        self._folder, self._recipe, self._card, self._facts = folder, recipe, dict(card), facts
+        self._progress = progress
         self.stop = StopRequest()
         self.best: dict[str, Any] | None = None
         self._seconds_before = 0.0
@@ -68,7 +77,12 @@ class Keeper(Callback):
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a checkpoint holds of this."""
-        return {"seconds": self._seconds(), "best": self.best, "started_from": self._facts["started_from"]}
+        return {
+            "seconds": self._seconds(),
+            "best": self.best,
+            "started_from": self._facts["started_from"],
+            "card": self._card,
+        }
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Take over what a checkpoint holds of this."""
@@ -104,7 +118,7 @@ class Keeper(Callback):
                 if validating:
                     plot_training(self._log.rows, self._folder.plot)
         if saving:
-            trainer.save_checkpoint(self._folder.last, weights_only=False)
+            _save_checkpoint(trainer, self._folder.last)
             self._saved_step = step
         if trainer.is_global_zero:
             self._progress.step(step, training.steps)
@@ -147,7 +161,7 @@ class Keeper(Callback):
             self.best = {"step": step, "figures": figures}
             if trainer.is_global_zero:
                 self._ship(module, step)
-            trainer.save_checkpoint(self._folder.best, weights_only=False)
+            _save_checkpoint(trainer, self._folder.best)
         return {VALIDATION_COLUMN + name: value for name, value in figures.items()}
 
     def _figures(self, module: TrainingModule) -> dict[str, float]:
@@ -165,7 +179,7 @@ class Keeper(Callback):
         assert self.best is not None
         trainable = module.trainable
         card = {
-            **trainable.card(),
+            **self._card,
             "method": self._recipe.trains,
             "recipe": self._recipe.as_dict(),
             "seed": self._recipe.training.seed,
@@ -179,6 +193,17 @@ class Keeper(Callback):
 
     def _seconds(self) -> float:
         return self._seconds_before + time.monotonic() - self._began
+
+
+def _save_checkpoint(trainer: Trainer, path: Path) -> None:
+    """Save under a name beside it and rename: Lightning's own way goes through the folder of temporary files."""
+    partial = path.with_suffix(".partial")
+    try:
+        trainer.save_checkpoint(partial, weights_only=False)
+        if trainer.is_global_zero:
+            partial.replace(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def _check_finite(network: nn.Module, step: int) -> None:

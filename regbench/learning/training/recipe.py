@@ -115,7 +115,7 @@ def read_table(model: type[Table], values: Mapping[str, Any], where: str) -> Tab
     except ValidationError as error:
         problem = error.errors()[0]
         key = ".".join(str(part) for part in problem["loc"])
-        value = "" if problem["type"] == "missing" else f" = {problem['input']!r}"
+        value = "" if problem["type"] == "missing" or not key else f" = {problem['input']!r}"
         raise UserError(f"{where} {key or 'values'}{value}: {problem['msg'][:1].lower()}{problem['msg'][1:]}") from None
 
 

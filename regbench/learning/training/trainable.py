@@ -25,6 +25,8 @@ class Trainable(ABC):
         settings: The [method] table of the recipe.
         data: Folder of the prepared datasets.
 
+    `settings` holds them, with every default if the method fills them in: recipe and model card have what is there.
+
     Raises:
         UserError: A setting is unknown or has a value it cannot have; `read_table` of recipe.py says so of a pydantic
             model.

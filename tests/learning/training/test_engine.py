@@ -317,6 +317,32 @@ def test_a_validation_without_the_monitored_figure_is_refused():
         run("run", Wrong)
 
 
+def test_a_training_is_not_continued_on_other_data_or_by_other_networks():
+    run("run", like(signal_at=(5, signal.SIGINT)))
+    other_data = like(card=lambda self: {"data": "others", "configuration": self.table.model_dump()})
+    with pytest.raises(UserError, match="holds a training whose data is none, now it is others"):
+        run("run", other_data)
+    other_networks = like(network=lambda self: torch.nn.Sequential(torch.nn.Linear(3, 5), torch.nn.Linear(5, 2)))
+    with pytest.raises(UserError, match=r"last\.ckpt: of another version of toy, whose networks are others"):
+        run("run", other_networks)
+    assert run("run").steps == toy_recipe().training.steps
+
+
+def test_checkpoints_are_replaced_whole(here):
+    run("run")
+    assert sorted(path.name for path in (here / "run" / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
+
+
+def test_a_method_may_fill_in_its_settings():
+    def init(self, settings, *, data):
+        Toy.__init__(self, settings, data=data)
+        self.settings = self.table.model_dump()
+
+    run("run", like(__init__=init))
+    assert "pace_s = 0.0" in Path("run/recipe.toml").read_text()
+    assert json.loads(Path("run/toy.json").read_text())["recipe"]["method"]["width"] == 4
+
+
 def test_a_damaged_checkpoint_is_named(whole, here):
     run("run", like(signal_at=(5, signal.SIGINT)))
     path = Path("run/checkpoints/last.ckpt")
