@@ -107,6 +107,7 @@ class Registration:
         iterations: Iterations used, or None.
         confidence: The method's own score of its answer, or None; its meaning is the method's.
         stages_s: Seconds spent in named stages, for the method's own insight.
+        facts: Whatever else the method knows of its answer, by name: `{"certified": True, "gap": 3e-4}`.
     """
 
     T_target_source: NDArray[np.float64]
@@ -114,6 +115,7 @@ class Registration:
     iterations: int | None = None
     confidence: float | None = None
     stages_s: Mapping[str, float] = field(default_factory=dict)
+    facts: Mapping[str, bool | int | float] = field(default_factory=dict)
 
 
 class Registrar:

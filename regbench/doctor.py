@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from regbench import inventory
+from regbench.compiled_cache import NOWHERE
 from regbench.datasets.store import data_dir
 from regbench.runner.manifest import hardware, versions
 
@@ -30,6 +32,7 @@ def examine(data: Path | None, plugins: Sequence[Path]) -> dict[str, dict[str, s
             "system": machine["system"],
         },
         "packages": {module: _imports(module) for module in ("open3d", "small_gicp", "kiss_icp")},
+        "compiled code": _compiled_code(),
         "methods": {
             entry["name"]: "ready" if entry["ready"] else entry["summary"] for entry in inventory.methods(plugins)
         },
@@ -55,13 +58,46 @@ def _gpu() -> str:
 
 
 def _imports(module: str) -> str:
-    command = [sys.executable, "-c", _IMPORT.format(module)]
+    try:
+        _python("-c", _IMPORT.format(module))
+    except ChildProcessError as error:
+        return f"does not import: {error}"
+    return "imports"
+
+
+def _compiled_code() -> dict[str, str]:
+    """Return where it is kept between processes, and what a new process waits for its first answer."""
+    try:
+        found = json.loads(_python("-m", "regbench.compiled_start"))
+    except ChildProcessError as error:
+        return {"our ICP": f"does not start: {error}"}
+    kept = found["folder"] != NOWHERE
+    if not found["compiled"]:
+        how = "loaded"
+    elif kept:
+        how = "compiled, and kept for the next process"
+    else:
+        how = "compiled, as in every process"
+    return {
+        "kept in": f"{found['folder']} (writable)" if kept else "no folder can be written (NUMBA_CACHE_DIR names one)",
+        "our ICP": f"{how}: import {found['import_s']:.1f} s, first answer {found['first_answer_s']:.1f} s",
+    }
+
+
+def _python(*arguments: str) -> str:
+    """Return what a Python process of its own prints.
+
+    Raises:
+        ChildProcessError: It failed; why.
+    """
     environment = os.environ | {"OMP_WAIT_POLICY": "passive"}
     try:
-        answer = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
-    except subprocess.TimeoutExpired:
-        return "import does not end within 120 s"
-    if answer.returncode == 0:
-        return "imports"
-    lines = answer.stderr.strip().splitlines()
-    return f"does not import: {lines[-1] if lines else f'exit code {answer.returncode}'}"
+        answer = subprocess.run(
+            [sys.executable, *arguments], capture_output=True, text=True, timeout=120, env=environment, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ChildProcessError("no end within 120 s") from error
+    if answer.returncode != 0:
+        lines = answer.stderr.strip().splitlines()
+        raise ChildProcessError(lines[-1] if lines else f"exit code {answer.returncode}")
+    return answer.stdout

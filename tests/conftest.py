@@ -6,14 +6,20 @@ from pathlib import Path
 
 import pytest
 
+from regbench.compiled_cache import settle
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 def pytest_configure() -> None:
-    """Hear the signals that tests send: a background shell lets its children ignore Ctrl-C and hang-ups."""
+    """Hear the signals that tests send, and keep compiled code as regbench does.
+
+    A background shell lets its children ignore Ctrl-C and hang-ups.
+    """
     for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) == signal.SIG_IGN:
             signal.signal(number, handler)
+    settle()
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ import typer
 
 from regbench.cli import align, check, data, doctor, ls, new, plot, reproduce, run, table, train, weights
 from regbench.cli.options import NamesBelow, help_without_verb
+from regbench.compiled_cache import settle
 from regbench.errors import UserError
 
 INTERRUPTED = 130
@@ -42,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     A training that was asked to stop gives 128 and the signal's number.
     """
+    settle()
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no dagger still gets its table
     try:

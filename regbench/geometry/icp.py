@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from regbench.geometry.horn import rotation_of_covariance
 from regbench.geometry.nearest_tree import DEEPEST, build_tree, nearest_in_tree
 from regbench.geometry.se3 import se3
 
@@ -151,7 +152,7 @@ def _fit(
     rotation: NDArray[np.float64],
     translation: NDArray[np.float64],
 ) -> None:
-    """Write the motion of least squares over the matches, those that are not negative (see kabsch.py)."""
+    """Write the motion of least squares over the matches, those that are not negative."""
     source_mean, target_mean, covariance = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for index in range(len(source)):
         if matches[index] >= 0:
@@ -166,14 +167,7 @@ def _fit(
                 offset = source[index, row] - source_mean[row]
                 for column in range(3):
                     covariance[row, column] += offset * (tree[matches[index], column] - target_mean[column])
-    U, _, Vt = np.linalg.svd(covariance)
-    if np.linalg.det(U) * np.linalg.det(Vt) < 0:
-        Vt[2] = -Vt[2]
-    for row in range(3):
-        for column in range(3):
-            rotation[row, column] = 0.0
-            for inner in range(3):
-                rotation[row, column] += Vt[inner, row] * U[column, inner]
+    rotation_of_covariance(covariance, rotation)
     for row in range(3):
         translation[row] = target_mean[row]
         for column in range(3):

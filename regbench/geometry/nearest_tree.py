@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 # Ranges of the tree that are searched point by point.
-LEAF = 8
+LEAF = 16
 # A range of at most 2^62 points halves this often.
 DEEPEST = 64
 

@@ -203,6 +203,7 @@ class _Lane:
             "iterations": outcome.get("iterations"),
             "confidence": outcome.get("confidence"),
             "stages_s": outcome.get("stages_s", {}),
+            "facts": outcome.get("facts", {}),
             "threads_ran": outcome.get("threads_ran"),
             "peak_rss_mb": outcome.get("peak_rss_mb"),
             "fingerprint": planned.fingerprint,

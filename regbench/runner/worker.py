@@ -62,9 +62,11 @@ def _confine(setup: Message) -> None:
         # RLIMIT_DATA counts private writable memory; unlike RLIMIT_AS it leaves CUDA's address ranges alone.
         resource.setrlimit(resource.RLIMIT_DATA, (setup["memory_bytes"], setup["memory_bytes"]))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    from regbench.compiled_cache import settle
     from regbench.native import load_libusb
 
     load_libusb()
+    settle()
 
 
 def failure(error: BaseException) -> Message:
@@ -229,7 +231,17 @@ def _checked(answer: Any) -> Message:
         "iterations": None if iterations is None else int(iterations),
         "confidence": _finite(getattr(answer, "confidence", None)),
         "stages_s": {str(name): _finite(value) for name, value in (getattr(answer, "stages_s", None) or {}).items()},
+        "facts": {str(name): _fact(value) for name, value in (getattr(answer, "facts", None) or {}).items()},
     }
+
+
+def _fact(value: Any) -> bool | int | float | None:
+    """Return a fact as JSON has it: true or false, a whole number, or a number; null where it is not finite."""
+    import numpy as np
+
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    return int(value) if isinstance(value, int | np.integer) else _finite(value)
 
 
 def _finite(value: Any) -> float | None:

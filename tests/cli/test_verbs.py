@@ -124,6 +124,8 @@ def test_doctor(here, capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["packages"]["open3d"] == "imports"
     assert report["methods"]["icp"] == "ready"
+    assert report["compiled code"]["kept in"].endswith("(writable)")
+    assert "first answer" in report["compiled code"]["our ICP"]
     assert "regbench data prepare" in report["data"]["modelnet40"]
 
 

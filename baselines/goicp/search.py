@@ -1,0 +1,327 @@
+"""Go-ICP from end to end: distance grid, first motions, branch and bound, ICP from every improvement."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil, cos, inf, pi, radians
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.geometry.distance_grid import DistanceGrid
+from regbench.geometry.grid_icp import grid_icp
+from regbench.geometry.icp import icp
+from regbench.geometry.nearest_tree import build_tree, nearest_neighbours
+from regbench.geometry.se3 import se3, transform
+from regbench.geometry.spread import spread_order
+
+from .branch_and_bound import FINISHED, FULL, IMPROVED, search_slice
+from .exploration import APART_DEG, promising_motions, promising_rotations
+from .heap import push
+from .space import Space, empty_heap
+
+Motion = NDArray[np.float64]
+Progress = Callable[[float, float, int], None]
+
+# Points of the first search's errors, and of its ICP.
+GLANCED_AT, FOLLOWED = 128, 256
+# ICP on the grid ends after so many iterations, or where the mean square falls by less than this share.
+GRID_ITERATIONS, GRID_TOLERANCE = 30, 1e-3
+# Exact ICP of a finalist ends where the residual falls by less than this share; the best of them goes on to the end.
+FINALIST_TOLERANCE = 1e-2
+# Mean squared error, in voxels, at which two clouds are the same.
+SAME = 1e-12
+# Most iterations of ICP with all points of a thinned cloud, from where ICP with the thinned ones ended.
+LAST_ITERATIONS = 20
+# Edge of the voxels that the bounds are read from, in roots of the threshold; and most of them along a side.
+VOXEL_OF_BOUNDS, MOST_CELLS_OF_BOUNDS = 0.6, 160
+# Cells of rotations looked at between two looks at the clock: some milliseconds.
+SLICE = 64
+# Cells that wait at most: of rotations, and of translations in the inner search.
+OUTER_CELLS, INNER_CELLS = 1_000_000, 20_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A range of parameters: `middle` and `half` edges, (3,) float64 each."""
+
+    middle: NDArray[np.float64]
+    half: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How to search. Lengths are in the clouds' unit, errors in its square.
+
+    Attributes:
+        threshold: Stop when no motion can have a mean squared error smaller than the answer's by more than this.
+        overlap: Share of the source's points, those with the least errors, that count.
+        euler_rad: Range of Euler angles (R = Rx Ry Rz), or None for all rotations.
+        translation: Range, or None for all translations that can be best.
+        cells: Voxels of the distance grid along its longest side.
+        beam: Cells of rotations that are split on every level of the first search; 0: no first search.
+        starts: ICP starts of the first search.
+        finalists: Ends of those that go on to exact ICP.
+        max_points: Points of the source that are searched with, at most.
+        max_nodes: Most cells of rotations that branch and bound looks at, or None.
+        budget_s: Branch and bound ends after so many seconds from the start, or None.
+    """
+
+    threshold: float
+    overlap: float
+    euler_rad: Box | None
+    translation: Box | None
+    cells: int
+    beam: int
+    starts: int
+    finalists: int
+    max_points: int
+    max_nodes: int | None
+    budget_s: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the search answers.
+
+    Attributes:
+        T_target_source: (4, 4) float64.
+        error: Mean squared error of the answer over the points that count, by exact nearest neighbours.
+        gap: No motion in range has an error smaller than the answer's by more than this, over the points searched with.
+        nodes: Cells of rotations that branch and bound looked at.
+        points: Points of the source searched with.
+    """
+
+    T_target_source: Motion
+    error: float
+    gap: float
+    nodes: int
+    points: int
+
+
+def search(
+    source: NDArray[np.float64],
+    target: NDArray[np.float64],
+    starts: Sequence[Motion],
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Found:
+    """Search the motion of least mean squared error.
+
+    Args:
+        source: (N, 3), N >= 1, centred at the origin.
+        target: (M, 3), M >= 1.
+        starts: (4, 4) motions that ICP starts from before anything else, at least one.
+        settings: How.
+        progress: Called every few milliseconds of branch and bound with the answer's error, the bound under every
+            error, and the cells of rotations looked at.
+    """
+    end = inf if settings.budget_s is None else time.perf_counter() + settings.budget_s
+    order = spread_order(source, min(len(source), settings.max_points))
+    scene = _Scene(source[order], target, settings)
+    for start in starts:
+        scene.refine(scene.followed(start, len(order))[1])
+    if settings.beam and not scene.is_same():
+        scene.explore()
+    nodes, bound = 0, 0.0
+    if scene.least > settings.threshold:
+        nodes, bound = scene.branch_and_bound(end, progress)
+    best, error = scene.best, scene.least
+    if len(order) < len(source):
+        best = icp(source, target, best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
+        error = mean_squared_error(source, target, best, settings.overlap)
+    return Found(best, error, scene.least - bound, nodes, len(order))
+
+
+def mean_squared_error(
+    source: NDArray[np.float64], target: NDArray[np.float64], T_target_source: Motion, overlap: float
+) -> float:
+    """Return the mean squared distance of the moved source's points to their nearest ones, of those that count.
+
+    Args:
+        source: (N, 3).
+        target: (M, 3).
+        T_target_source: (4, 4).
+        overlap: Share of the points, those with the least distances, that count.
+    """
+    squares = nearest_neighbours(*build_tree(target), transform(T_target_source, source))[1]
+    return _mean_of_least(squares, overlap)
+
+
+def _mean_of_least(squares: NDArray[np.float64], overlap: float) -> float:
+    kept = ceil(overlap * len(squares))
+    return float(np.partition(squares, kept - 1)[:kept].mean())
+
+
+class _Scene:
+    """Two clouds in search, and the best motion so far."""
+
+    def __init__(self, source: NDArray[np.float64], target: NDArray[np.float64], settings: Settings) -> None:
+        self._source, self._target, self._settings = source, np.ascontiguousarray(target), settings
+        self._use(DistanceGrid.of(target, cells=settings.cells))
+        self._tree = build_tree(self._target)
+        self.best: Motion = np.eye(4)
+        self.least = inf
+
+    def _use(self, grid: DistanceGrid) -> None:
+        self._grid = grid
+        self._voxel_target = ((self._target - grid.low) / grid.cell).astype(np.float32)
+
+    def _cells_of_bounds(self) -> int:
+        """Return the voxels along the longest side with which the bounds can reach the threshold.
+
+        A bound falls short by about half a voxel's edge a point: more than the root of the threshold, and no error
+        near it could be told from zero.
+        """
+        finest = VOXEL_OF_BOUNDS * self._settings.threshold**0.5
+        cells: int = ceil(float(self._grid.shape.max()) * self._grid.cell / finest)
+        return max(self._settings.cells, min(cells, MOST_CELLS_OF_BOUNDS))
+
+    def is_same(self) -> bool:
+        return self.least <= SAME * self._grid.cell**2
+
+    def refine(self, start: Motion, tolerance: float = 0.0) -> None:
+        """Follow exact ICP from a motion, and keep the end if it is the best so far."""
+        overlap = self._settings.overlap
+        moved = icp(self._source, self._target, start, overlap=overlap, tolerance=tolerance).T_target_source
+        squares = nearest_neighbours(*self._tree, transform(moved, self._source))[1]
+        error = _mean_of_least(squares, overlap)
+        if error < self.least:
+            self.best, self.least = moved, error
+
+    def followed(self, start: Motion, points: int) -> tuple[float, Motion]:
+        """Return where ICP on the grid ends with the first points: mean squared error in voxels, and the motion."""
+        cell, low = self._grid.cell, self._grid.low
+        source = (self._source[:points] / cell).astype(np.float32)
+        rotation, translation = start[:3, :3].copy(), (start[:3, 3] - low) / cell
+        error = grid_icp(
+            source,
+            self._voxel_target,
+            self._grid.labels,
+            np.zeros(3, np.float32),
+            1.0,
+            self._grid.shape,
+            rotation,
+            translation,
+            ceil(self._settings.overlap * len(source)),
+            GRID_ITERATIONS,
+            GRID_TOLERANCE,
+        )
+        return error, self._motion(rotation, translation)
+
+    def explore(self) -> None:
+        """Refine the best motions of a grid: cheaply, then the best of those exactly."""
+        settings = self._settings
+        if settings.overlap == 1:
+            space = self._space(GLANCED_AT, self._grid)
+            place = -self._grid.low / np.float32(self._grid.cell)
+            rotations = promising_rotations(space, place, beam=settings.beam, starts=settings.starts)
+            translations = np.tile(place, (len(rotations), 1))
+        else:
+            # The source's centroid is likely somewhere in the target's bounding box.
+            half = (self._target.max(axis=0) - self._target.min(axis=0)) / 2
+            middle = self._target.min(axis=0) + half
+            space = self._space(GLANCED_AT, self._grid, Box(middle=middle, half=half))
+            rotations, translations = promising_motions(space, beam=settings.beam, starts=settings.starts)
+        motions = [self._motion(turn, place) for turn, place in zip(rotations, translations, strict=True)]
+        ends = sorted((self.followed(motion, FOLLOWED) for motion in motions), key=lambda end: end[0])
+        taken: list[Motion] = []
+        for _, end in ends:
+            if len(taken) == settings.finalists or self.is_same():
+                break
+            if not any(_is_near(end, other) for other in taken):
+                taken.append(end)
+                self.refine(self.followed(end, len(self._source))[1], FINALIST_TOLERANCE)
+        self.refine(self.best)
+
+    def branch_and_bound(self, end: float, progress: Progress | None) -> tuple[int, float]:
+        """Search until the bound is near enough or the time is over; return nodes and the bound under every error."""
+        settings = self._settings
+        self._use(DistanceGrid.of(self._target, cells=self._cells_of_bounds()).exact())
+        space = self._space(len(self._source), self._grid)
+        outer, inner = empty_heap(OUTER_CELLS), empty_heap(INNER_CELLS)
+        size = push(outer.bounds, outer.cells, 0, 0.0, np.append(space.rotation_centre, 1.0))
+        rotation, translation = np.empty((3, 3), np.float32), np.empty(3, np.float32)
+        # The kernels' errors are sums in voxels.
+        sums = space.kept / self._grid.cell**2
+        most_nodes = inf if settings.max_nodes is None else settings.max_nodes
+        nodes, bound = 0, 0.0
+        while nodes < most_nodes and time.perf_counter() < end:
+            most = int(min(SLICE, most_nodes - nodes))
+            how, size, done, bound = search_slice(
+                space,
+                outer,
+                inner,
+                size,
+                self.least * sums,
+                settings.threshold * sums,
+                settings.beam == 0,
+                most,
+                rotation,
+                translation,
+            )
+            nodes += done
+            if how == IMPROVED:
+                self.refine(self._motion(rotation, translation))
+            if progress is not None:
+                progress(self.least, min(bound / sums, self.least), nodes)
+            if how in (FINISHED, FULL) or self.least <= settings.threshold:
+                break
+        return nodes, max(0.0, min(bound / sums, self.least))
+
+    def _motion(self, rotation: NDArray[Any], translation: NDArray[Any]) -> Motion:
+        """Return the motion of a rotation and of a translation in voxels."""
+        return se3(rotation.astype(np.float64), translation * self._grid.cell + self._grid.low)
+
+    def _space(self, points: int, grid: DistanceGrid, translations: Box | None = None) -> Space:
+        """Return the search's numbers in voxels, with the first points of the source."""
+        settings, source = self._settings, self._source[:points] / grid.cell
+        rotations = settings.euler_rad or Box(middle=np.zeros(3), half=np.full(3, pi))
+        translations = translations or self._translations(settings.translation)
+        return Space(
+            points=np.ascontiguousarray(source.T, dtype=np.float32),
+            reach=np.linalg.norm(source, axis=1).astype(np.float32),
+            target=self._voxel_target,
+            labels=grid.labels,
+            distances=grid.distances / np.float32(grid.cell),
+            shape=grid.shape,
+            tree=(self._tree[0] - grid.low) / grid.cell,
+            axes=self._tree[2],
+            places=np.argsort(self._tree[1]),
+            kept=ceil(settings.overlap * len(source)),
+            euler=settings.euler_rad is not None,
+            rotation_centre=rotations.middle,
+            rotation_half=rotations.half,
+            centre=((translations.middle - grid.low) / grid.cell).astype(np.float32),
+            half=translations.half / grid.cell,
+        )
+
+    def _translations(self, stated: Box | None) -> Box:
+        """Return the translations with which an error under the least one is possible, within those stated.
+
+        The points that count are on average no farther from their matches than the root of the error, and the mean of
+        the matches lies in the target's bounding box. So the mean of those points, moved, lies in that box, widened by
+        the root; and it is a turned mean of some of the source's points, which is nearer to the origin than the mean
+        distance of the farthest ones.
+        """
+        if self._settings.overlap == 1:
+            reach = float(np.linalg.norm(self._source.mean(axis=0)))
+        else:
+            kept = ceil(self._settings.overlap * len(self._source))
+            reach = float(np.sort(np.linalg.norm(self._source, axis=1))[-kept:].mean())
+        wider = reach + self.least**0.5
+        low, high = self._target.min(axis=0) - wider, self._target.max(axis=0) + wider
+        if stated is not None:
+            low, high = np.maximum(low, stated.middle - stated.half), np.minimum(high, stated.middle + stated.half)
+            # A range that no good motion lies in is searched at its border.
+            high = np.maximum(low, high)
+        return Box(middle=(low + high) / 2, half=(high - low) / 2)
+
+
+def _is_near(motion: Motion, other: Motion) -> bool:
+    """Return whether ICP would end at the same motion from both, as far as one can tell: the angle is small."""
+    cosine = float(np.trace(motion[:3, :3].T @ other[:3, :3]) - 1) / 2
+    return cosine > cos(radians(APART_DEG))
