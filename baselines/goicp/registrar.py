@@ -37,7 +37,9 @@ class GoIcp(Registrar):
         beam: Cells of rotations that are split on every level of the first search; 0: no first search.
         starts: ICP starts of the first search, on the distance grid.
         finalists: Ends of those that go on to exact ICP.
-        max_points: Points of the source that are searched with, at most; ICP with all of them ends the search.
+        max_points: Points of the source that are searched with, at most, and five times as many of the target. Larger
+            clouds are thinned for the search, and what is certified is about what is left; ICP on the whole target
+            ends it.
         max_nodes: Most cells of rotations that branch and bound looks at. None: no such limit.
         budget_ms: Most time before the best motion so far is answered, uncertified. None: no such limit. Where it ends
             branch and bound, the answer depends on the machine and its load; with `max_nodes` instead it repeats.
@@ -55,7 +57,10 @@ class GoIcp(Registrar):
             "beam": 0,
             "budget_ms": None,
         },
-        "fast": {"motion": "centred"},
+        # Rotations alone, about matched centroids: for clouds that overlap fully. Half the first search.
+        "fast": {"motion": "centred", "beam": 100, "starts": 16, "finalists": 2},
+        # For clouds of which some 60 % of the source has a partner.
+        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12},
     }
 
     def __init__(
@@ -105,7 +110,7 @@ class GoIcp(Registrar):
         starts = [start_of(problem, frame, self.init)]
         if prior is not None:
             starts.append(se3(prior.mean_T_target_source()[:3, :3], np.zeros(3)))
-        found = search(frame.source, frame.target, starts, self._settings(frame, prior))
+        found = search(frame.source, frame.target, starts, self._settings(frame, prior), seed=problem.seed)
         return self._registration(frame, found)
 
     def _settings(self, frame: LocalFrame, prior: MotionPrior | None) -> Settings:

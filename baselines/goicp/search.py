@@ -34,7 +34,10 @@ GRID_ITERATIONS, GRID_TOLERANCE = 30, 1e-3
 FINALIST_TOLERANCE = 1e-2
 # Mean squared error, in voxels, at which two clouds are the same.
 SAME = 1e-12
-# Most iterations of ICP with all points of a thinned cloud, from where ICP with the thinned ones ended.
+# Points of the target that are searched with, for one of the source; a cloud is thinned to what is wanted of it by
+# choosing among so many times as many, drawn at random.
+TARGET_POINTS, DRAWN_PER_POINT = 5, 5
+# Most iterations of ICP on the whole target of a thinned one, from where ICP with the thinned ones ended.
 LAST_ITERATIONS = 20
 # Edge of the voxels that the bounds are read from, in roots of the threshold; and most of them along a side.
 VOXEL_OF_BOUNDS, MOST_CELLS_OF_BOUNDS = 0.6, 160
@@ -65,7 +68,7 @@ class Settings:
         beam: Cells of rotations that are split on every level of the first search; 0: no first search.
         starts: ICP starts of the first search.
         finalists: Ends of those that go on to exact ICP.
-        max_points: Points of the source that are searched with, at most.
+        max_points: Points of the source that are searched with, at most; of the target, five times as many.
         max_nodes: Most cells of rotations that branch and bound looks at, or None.
         budget_s: Branch and bound ends after so many seconds from the start, or None.
     """
@@ -90,7 +93,7 @@ class Found:
     Attributes:
         T_target_source: (4, 4) float64.
         error: Mean squared error of the answer over the points that count, by exact nearest neighbours.
-        gap: No motion in range has an error smaller than the answer's by more than this, over the points searched with.
+        gap: No motion in range has an error smaller than the best by more than this, over the points searched with.
         nodes: Cells of rotations that branch and bound looked at.
         points: Points of the source searched with.
     """
@@ -107,6 +110,8 @@ def search(
     target: NDArray[np.float64],
     starts: Sequence[Motion],
     settings: Settings,
+    *,
+    seed: int = 0,
     progress: Progress | None = None,
 ) -> Found:
     """Search the motion of least mean squared error.
@@ -116,24 +121,40 @@ def search(
         target: (M, 3), M >= 1.
         starts: (4, 4) motions that ICP starts from before anything else, at least one.
         settings: How.
+        seed: Of the draw of points from clouds that are much larger than what is searched with.
         progress: Called every few milliseconds of branch and bound with the answer's error, the bound under every
             error, and the cells of rotations looked at.
     """
     end = inf if settings.budget_s is None else time.perf_counter() + settings.budget_s
-    order = spread_order(source, min(len(source), settings.max_points))
-    scene = _Scene(source[order], target, settings)
+    rng = np.random.default_rng(seed)
+    few = _spread(source, settings.max_points, rng)
+    scene = _Scene(few, _spread(target, TARGET_POINTS * settings.max_points, rng), settings)
     for start in starts:
-        scene.refine(scene.followed(start, len(order))[1])
+        scene.refine(scene.followed(start, len(few))[1])
     if settings.beam and not scene.is_same():
         scene.explore()
     nodes, bound = 0, 0.0
     if scene.least > settings.threshold:
         nodes, bound = scene.branch_and_bound(end, progress)
     best, error = scene.best, scene.least
-    if len(order) < len(source):
-        best = icp(source, target, best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
+    if len(few) < len(source) or len(scene.target) < len(target):
+        more = _drawn(source, settings.max_points, rng)
+        best = icp(more, target, best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
         error = mean_squared_error(source, target, best, settings.overlap)
-    return Found(best, error, scene.least - bound, nodes, len(order))
+    return Found(best, error, scene.least - bound, nodes, len(few))
+
+
+def _spread(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return the points, or at most so many of them that cover the cloud, the farthest from each other first."""
+    drawn = _drawn(points, most, rng)
+    return drawn[spread_order(drawn, min(len(drawn), most))]
+
+
+def _drawn(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return the points, or some times `most` of them drawn at random: to choose from all would take too long."""
+    if len(points) <= DRAWN_PER_POINT * most:
+        return points
+    return points[rng.choice(len(points), DRAWN_PER_POINT * most, replace=False)]
 
 
 def mean_squared_error(
@@ -160,15 +181,15 @@ class _Scene:
     """Two clouds in search, and the best motion so far."""
 
     def __init__(self, source: NDArray[np.float64], target: NDArray[np.float64], settings: Settings) -> None:
-        self._source, self._target, self._settings = source, np.ascontiguousarray(target), settings
+        self._source, self.target, self._settings = source, np.ascontiguousarray(target), settings
         self._use(DistanceGrid.of(target, cells=settings.cells))
-        self._tree = build_tree(self._target)
+        self._tree = build_tree(self.target)
         self.best: Motion = np.eye(4)
         self.least = inf
 
     def _use(self, grid: DistanceGrid) -> None:
         self._grid = grid
-        self._voxel_target = ((self._target - grid.low) / grid.cell).astype(np.float32)
+        self._voxel_target = ((self.target - grid.low) / grid.cell).astype(np.float32)
 
     def _cells_of_bounds(self) -> int:
         """Return the voxels along the longest side with which the bounds can reach the threshold.
@@ -186,7 +207,7 @@ class _Scene:
     def refine(self, start: Motion, tolerance: float = 0.0) -> None:
         """Follow exact ICP from a motion, and keep the end if it is the best so far."""
         overlap = self._settings.overlap
-        moved = icp(self._source, self._target, start, overlap=overlap, tolerance=tolerance).T_target_source
+        moved = icp(self._source, self.target, start, overlap=overlap, tolerance=tolerance).T_target_source
         squares = nearest_neighbours(*self._tree, transform(moved, self._source))[1]
         error = _mean_of_least(squares, overlap)
         if error < self.least:
@@ -222,8 +243,8 @@ class _Scene:
             translations = np.tile(place, (len(rotations), 1))
         else:
             # The source's centroid is likely somewhere in the target's bounding box.
-            half = (self._target.max(axis=0) - self._target.min(axis=0)) / 2
-            middle = self._target.min(axis=0) + half
+            half = (self.target.max(axis=0) - self.target.min(axis=0)) / 2
+            middle = self.target.min(axis=0) + half
             space = self._space(GLANCED_AT, self._grid, Box(middle=middle, half=half))
             rotations, translations = promising_motions(space, beam=settings.beam, starts=settings.starts)
         motions = [self._motion(turn, place) for turn, place in zip(rotations, translations, strict=True)]
@@ -240,7 +261,7 @@ class _Scene:
     def branch_and_bound(self, end: float, progress: Progress | None) -> tuple[int, float]:
         """Search until the bound is near enough or the time is over; return nodes and the bound under every error."""
         settings = self._settings
-        self._use(DistanceGrid.of(self._target, cells=self._cells_of_bounds()).exact())
+        self._use(DistanceGrid.of(self.target, cells=self._cells_of_bounds()).exact())
         space = self._space(len(self._source), self._grid)
         outer, inner = empty_heap(OUTER_CELLS), empty_heap(INNER_CELLS)
         size = push(outer.bounds, outer.cells, 0, 0.0, np.append(space.rotation_centre, 1.0))
@@ -313,7 +334,7 @@ class _Scene:
             kept = ceil(self._settings.overlap * len(self._source))
             reach = float(np.sort(np.linalg.norm(self._source, axis=1))[-kept:].mean())
         wider = reach + self.least**0.5
-        low, high = self._target.min(axis=0) - wider, self._target.max(axis=0) + wider
+        low, high = self.target.min(axis=0) - wider, self.target.max(axis=0) + wider
         if stated is not None:
             low, high = np.maximum(low, stated.middle - stated.half), np.minimum(high, stated.middle + stated.half)
             # A range that no good motion lies in is searched at its border.

@@ -285,7 +285,11 @@ def test_progress_is_told():
     told = []
     box = Box(middle=np.zeros(3), half=np.zeros(3))
     found = search(
-        source, target, [np.eye(4)], Settings(**(SETTINGS | {"translation": box})), lambda *news: told.append(news)
+        source,
+        target,
+        [np.eye(4)],
+        Settings(**(SETTINGS | {"translation": box})),
+        progress=lambda *news: told.append(news),
     )
     errors, bounds, nodes = zip(*told, strict=True)
     assert list(errors) == sorted(errors, reverse=True)
@@ -362,4 +366,5 @@ def test_parameters_out_of_range_are_refused(parameters):
 
 def test_a_preset_of_its_own_for_each_use():
     assert GoIcp.presets["paper"]["cells"] == 300
-    assert GoIcp.presets["fast"] == {"motion": "centred"}
+    assert GoIcp.presets["fast"]["motion"] == "centred"
+    assert GoIcp.presets["partial"]["overlap"] == 0.6
