@@ -13,6 +13,9 @@ from regbench.geometry.nearest_tree import DEEPEST, nearest_in_tree
 
 from .space import Space
 
+# What single precision may add to a distance, in voxels (coordinates are a few hundred at most), and the share that it
+# may add to a sum.
+ROUNDING, MARGIN = 1e-4, 1 - 1e-5
 # Points between two looks at whether the sum is large enough to stop.
 BLOCK = 64
 
@@ -70,14 +73,13 @@ def squared_error_bound(
         for first in range(0, count, BLOCK):
             last = min(first + BLOCK, count)
             total += _sum_of_bounds(rotated, reach, chord, translation, gap, distances, shape, first, last)
-            if total >= limit:
+            if total * MARGIN >= limit:
                 return limit
     else:
         for index in range(count):
             squares[index] = _sum_of_bounds(rotated, reach, chord, translation, gap, distances, shape, index, index + 1)
         total = sum_of_least(squares, kept)
-    # Single precision adds up to a millionth too much.
-    return min(total * (1 - 1e-5), limit)
+    return min(total * MARGIN, limit)
 
 
 @njit(cache=True, fastmath=True, inline="always")
@@ -94,7 +96,7 @@ def _sum_of_bounds(
 ) -> float:
     """Return the bound of `squared_error_bound` for the points in [first, last); written without branches, for SIMD."""
     zero, half = np.float32(0.0), np.float32(0.5)
-    slack, turn = np.float32(gap), np.float32(chord)
+    slack, turn = np.float32(gap + ROUNDING), np.float32(chord)
     tx, ty, tz = translation[0], translation[1], translation[2]
     # The largest coordinates that still truncate to the last voxel.
     hx, hy, hz = np.float32(shape[0] - 1e-3), np.float32(shape[1] - 1e-3), np.float32(shape[2] - 1e-3)
@@ -145,8 +147,8 @@ def exact_squared_error_bound(
         k = min(max(int(z), 0), space.shape[2] - 1)
         guess = space.places[space.labels[(i * space.shape[1] + j) * space.shape[2] + k]]
         square = nearest_in_tree(space.tree, space.axes, x, y, z, guess, lows, highs, beyond)[1]
-        squares[index] = max(np.sqrt(square) - gap - chord * reach[index], 0.0) ** 2
-    return sum_of_least(squares, space.kept) * (1 - 1e-5)
+        squares[index] = max(np.sqrt(square) - gap - ROUNDING - chord * reach[index], 0.0) ** 2
+    return sum_of_least(squares, space.kept) * MARGIN
 
 
 @njit(cache=True, fastmath=True)
@@ -188,7 +190,10 @@ def squared_error(
 def sum_of_least(values: NDArray[np.float32], kept: int) -> float:
     """Return the sum of the least values, `kept` of them."""
     least = values if kept == len(values) else np.partition(values, kept - 1)
-    total = np.float32(0.0)
-    for index in range(kept):
-        total += least[index]
-    return float(total)
+    total = 0.0
+    for first in range(0, kept, BLOCK):
+        block = np.float32(0.0)
+        for index in range(first, min(first + BLOCK, kept)):
+            block += least[index]
+        total += float(block)
+    return total

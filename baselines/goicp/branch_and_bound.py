@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .bounds import rotate, squared_error
 from .heap import TIE, pop, push
-from .rotation_cells import cell_angle, is_outside_ball, rotation_at
+from .rotation_cells import cell_angle, is_outside_ball, is_repeated, rotation_at
 from .space import Heap, Space
 from .translation_search import least_over_translations
 
@@ -74,6 +74,8 @@ def search_slice(
         child[3] = cell[3] * np.float32(0.5)
         least = incumbent
         for corner in range(8):
+            if is_repeated(corner, space.rotation_half):
+                continue
             for axis in range(3):
                 side = 1.0 if corner >> axis & 1 else -1.0
                 child[axis] = cell[axis] + side * child[3] * space.rotation_half[axis]
@@ -99,5 +101,5 @@ def search_slice(
                 rotation[:] = central
                 translation[:] = place
         if least < incumbent:
-            return IMPROVED, size, nodes, outer.bounds[0] if size > 0 else limit
+            return IMPROVED, size, nodes, outer.bounds[0]
     return FINISHED, size, nodes, incumbent - threshold

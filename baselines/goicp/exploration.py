@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .bounds import rotate, squared_error_bound
-from .rotation_cells import is_outside_ball, rotation_at
+from .rotation_cells import is_outside_ball, is_repeated, rotation_at
 from .space import Space
 
 # Edges of the first and the last grid's cells. The basin of ICP is some 30 degrees wide where a shape is distinct, and
@@ -78,7 +78,7 @@ def promising_motions(space: Space, *, beam: int, starts: int) -> tuple[NDArray[
 def _grid(space: Space) -> tuple[NDArray[np.float64], int]:
     """Return the centres (C, 3) of the first grid's cells, and how often the range was halved for it."""
     cells = space.rotation_centre[None]
-    level = max(0, ceil(log2(_edge_deg(space, 0) / FIRST_DEG)))
+    level = ceil(log2(max(_edge_deg(space, 0) / FIRST_DEG, 1.0)))
     for halved in range(1, level + 1):
         cells = _split(cells, space.rotation_half, 0.5**halved, space.euler)
     return cells, level
@@ -107,6 +107,8 @@ def _split_with_parents(
     count = 0
     for parent in range(len(cells)):
         for corner in range(8):
+            if is_repeated(corner, half):
+                continue
             for axis in range(3):
                 side = 1.0 if corner >> axis & 1 else -1.0
                 children[count, axis] = cells[parent, axis] + side * scale * half[axis]

@@ -30,7 +30,8 @@ class GoIcp(Registrar):
         motion: The range that is searched: "full", all of SE(3); "prior", what the protocol discloses of it, where it
             does, else all; "centred", rotations about matched centroids alone, which is right where clouds overlap
             fully.
-        max_translation: Search translations of at most this along each axis, instead of all that can be best.
+        max_translation: Search translations of at most this along each axis, instead of all that can be best; of
+            motion="full", and of "prior" where there is none.
         overlap: Share of the source's points, those with the least errors, that count.
         init: Where the first ICP starts: "centroid" or "identity". A start given by the problem replaces both.
         cells: Voxels of the distance grid along its longest side.
@@ -38,11 +39,12 @@ class GoIcp(Registrar):
         starts: ICP starts of the first search, on the distance grid.
         finalists: Ends of those that go on to exact ICP.
         max_points: Points of the source that are searched with, at most, and five times as many of the target. Larger
-            clouds are thinned for the search, and what is certified is about what is left; ICP on the whole target
-            ends it.
+            clouds are thinned for the search, and the certificate is about the best motion found for what is left; the
+            answer is where ICP on the whole target ends from there.
         max_nodes: Most cells of rotations that branch and bound looks at. None: no such limit.
-        budget_ms: Most time before the best motion so far is answered, uncertified. None: no such limit. Where it ends
-            branch and bound, the answer depends on the machine and its load; with `max_nodes` instead it repeats.
+        budget_ms: Branch and bound ends so long after the call, and the best motion so far is answered, uncertified;
+            the first search is not cut short. None: no such limit. Where it ends the search, the answer depends on
+            the machine and its load; with `max_nodes` instead it repeats.
     """
 
     name = "goicp"
@@ -105,6 +107,9 @@ class GoIcp(Registrar):
             raise ValueError(f"overlap is a share in (0, 1], got {self.overlap}")
         if not self.threshold > 0:
             raise ValueError(f"threshold must be above 0, got {self.threshold}")
+        for name, least in (("beam", 0), ("finalists", 0), ("starts", 1), ("max_points", 1), ("cells", 2)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
         frame = LocalFrame.of(problem)
         prior = problem.motion_prior if self.motion == "prior" else None
         starts = [start_of(problem, frame, self.init)]

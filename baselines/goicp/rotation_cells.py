@@ -59,6 +59,20 @@ def cell_angle(half: NDArray[np.float64], scale: float, euler: bool) -> float:
 
 
 @njit(cache=True)
+def is_repeated(corner: int, half: NDArray[np.float64]) -> bool:
+    """Return whether a cell's eighth is the same as one before, since the range has no width along an axis.
+
+    Args:
+        corner: Number of the eighth; bit k says on which side along axis k it is.
+        half: (3,) half edges of the whole range.
+    """
+    repeated = False
+    for axis in range(3):
+        repeated |= half[axis] == 0.0 and corner >> axis & 1 == 1
+    return repeated
+
+
+@njit(cache=True)
 def is_outside_ball(x: float, y: float, z: float, half: NDArray[np.float64], scale: float, euler: bool) -> bool:
     """Return whether a cell holds no angle times axis of at most pi: other cells hold its rotations."""
     if euler:

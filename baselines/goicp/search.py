@@ -41,8 +41,8 @@ TARGET_POINTS, DRAWN_PER_POINT = 5, 5
 LAST_ITERATIONS = 20
 # Edge of the voxels that the bounds are read from, in roots of the threshold; and most of them along a side.
 VOXEL_OF_BOUNDS, MOST_CELLS_OF_BOUNDS = 0.6, 160
-# Cells of rotations looked at between two looks at the clock: some milliseconds.
-SLICE = 64
+# Between two looks at the clock branch and bound takes about so long, in seconds.
+SLICE_S = 0.01
 # Cells that wait at most: of rotations, and of translations in the inner search.
 OUTER_CELLS, INNER_CELLS = 1_000_000, 20_000
 
@@ -117,13 +117,13 @@ def search(
     """Search the motion of least mean squared error.
 
     Args:
-        source: (N, 3), N >= 1, centred at the origin.
+        source: (N, 3), N >= 1, about the origin.
         target: (M, 3), M >= 1.
         starts: (4, 4) motions that ICP starts from before anything else, at least one.
         settings: How.
         seed: Of the draw of points from clouds that are much larger than what is searched with.
-        progress: Called every few milliseconds of branch and bound with the answer's error, the bound under every
-            error, and the cells of rotations looked at.
+        progress: Called about a hundred times a second of branch and bound, with the answer's error, the bound under
+            every error, and the cells of rotations looked at.
     """
     end = inf if settings.budget_s is None else time.perf_counter() + settings.budget_s
     rng = np.random.default_rng(seed)
@@ -261,6 +261,8 @@ class _Scene:
     def branch_and_bound(self, end: float, progress: Progress | None) -> tuple[int, float]:
         """Search until the bound is near enough or the time is over; return nodes and the bound under every error."""
         settings = self._settings
+        if time.perf_counter() >= end:
+            return 0, 0.0
         self._use(DistanceGrid.of(self.target, cells=self._cells_of_bounds()).exact())
         space = self._space(len(self._source), self._grid)
         outer, inner = empty_heap(OUTER_CELLS), empty_heap(INNER_CELLS)
@@ -269,9 +271,10 @@ class _Scene:
         # The kernels' errors are sums in voxels.
         sums = space.kept / self._grid.cell**2
         most_nodes = inf if settings.max_nodes is None else settings.max_nodes
-        nodes, bound = 0, 0.0
+        nodes, bound, nodes_per_slice = 0, 0.0, 1
         while nodes < most_nodes and time.perf_counter() < end:
-            most = int(min(SLICE, most_nodes - nodes))
+            most = int(min(nodes_per_slice, most_nodes - nodes))
+            began = time.perf_counter()
             how, size, done, bound = search_slice(
                 space,
                 outer,
@@ -285,6 +288,9 @@ class _Scene:
                 translation,
             )
             nodes += done
+            # Cells differ in cost by orders of magnitude: the next slice is as large as this one's pace allows.
+            pace_s = (time.perf_counter() - began) / max(done, 1)
+            nodes_per_slice = max(1, min(2 * nodes_per_slice, int(SLICE_S / max(pace_s, 1e-9))))
             if how == IMPROVED:
                 self.refine(self._motion(rotation, translation))
             if progress is not None:

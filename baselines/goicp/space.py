@@ -18,7 +18,7 @@ class Space(NamedTuple):
         points: (3, N) float32, the source about the origin.
         reach: (N,) float32, distance of each point from the origin.
         target: (M, 3) float32.
-        labels: (V,) int32 of the target's exact grid.
+        labels: (V,) int32 of the target's grid, an exact one where bounds are wanted.
         distances: (V,) float32 of it.
         shape: (3,) of it.
         tree: (M, 3) float64, the target as a k-d tree (regbench.geometry.nearest_tree).

@@ -12,6 +12,8 @@ from .bounds import exact_squared_error_bound, squared_error_bound
 from .heap import TIE, pop, push
 from .space import Heap, Space
 
+# Boxes split for one cell of rotations, at most.
+MOST_SPLITS = 2000
 # Where points move by less than this many voxels in a cell, what the grid leaves open (half a voxel's edge a point) is
 # most of what its bound falls short by: exact neighbours are looked up instead.
 LOOKED_UP_BELOW = 2.0
@@ -32,7 +34,7 @@ def least_over_translations(
     """Return a lower bound on the squared error over a cell of rotations and the range of translations.
 
     Boxes are split, the least bound first, until the one on top is so small that splitting it further would tell little
-    (or the heap is full). Its bound is then a bound for all.
+    (or so many have been split that it takes too long). Its bound is then a bound for all.
 
     Args:
         space: What is searched.
@@ -52,7 +54,7 @@ def least_over_translations(
     bound = squared_error_bound(
         rotated, reach, chord, child[:3], diagonal, space.distances, space.shape, space.kept, limit, squares
     )
-    size = 0
+    size, splits = 0, 0
     if bound < limit:
         size = push(heap.bounds, heap.cells, size, bound + TIE, child)
     while size > 0:
@@ -60,8 +62,9 @@ def least_over_translations(
         size -= 1
         # A negative scale marks a box whose neighbours have been looked up.
         scale = abs(cell[3])
-        if scale * diagonal <= finest or size + 8 > len(heap.bounds):
-            if cell[3] < 0 or turn + scale * diagonal > LOOKED_UP_BELOW:
+        ends = splits == MOST_SPLITS or size + 8 > len(heap.bounds)
+        if ends or scale * diagonal <= finest:
+            if ends or cell[3] < 0 or turn + scale * diagonal > LOOKED_UP_BELOW:
                 translation[:] = cell[:3]
                 return max(bound - TIE, 0.0)
             looked_up = exact_squared_error_bound(rotated, reach, chord, cell[:3], scale * diagonal, space, squares)
@@ -69,6 +72,7 @@ def least_over_translations(
             if looked_up < limit:
                 size = push(heap.bounds, heap.cells, size, max(bound, looked_up), cell)
             continue
+        splits += 1
         scale = scale * np.float32(0.5)
         child[3] = scale
         for corner in range(8):

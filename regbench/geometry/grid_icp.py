@@ -24,7 +24,7 @@ def grid_icp(
     max_iterations: int,
     tolerance: float,
 ) -> float:
-    """Change a motion in place until the residual no longer falls; return the mean squared distance before the last.
+    """Change a motion in place until the residual no longer falls; return the mean squared distance seen last.
 
     A match is the point that the grid has for the voxel, which is near but not always the nearest.
 

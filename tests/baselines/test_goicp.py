@@ -270,6 +270,32 @@ def test_a_budget_is_obeyed_and_the_answer_is_then_uncertified():
     assert 0 < answer.facts["gap"] <= answer.facts["error"]
 
 
+def test_a_budget_is_obeyed_with_trimming_too():
+    """Where half of the points count, bounds are weak and one search for a translation could take forever."""
+    cloud = body(500)
+    target = turned(cloud, 70)[0] + 0.1 * np.random.default_rng(0).normal(size=cloud.shape)
+    problem = make_problem(cloud, target)
+    method = GoIcp(overlap=0.6, budget_ms=200)
+    method.register(problem)  # compiles
+    began = time.perf_counter()
+    answer = method.register(problem)
+    assert time.perf_counter() - began < 10
+    assert answer.facts["certified"] is False
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 60.0])
+def test_a_prior_may_fix_axes(turn_deg):
+    """All starts of the first search are different rotations, and there is nothing to halve without any range."""
+    source = body(300)
+    truth = se3(rotation_from_euler_deg([0, 0, turn_deg * 0.9]), np.array([0.1, 0, 0]))
+    prior = MotionPrior((0, 0, -turn_deg), (0, 0, turn_deg), (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
+    noisy = transform(truth, source) + 0.05 * np.random.default_rng(0).normal(size=source.shape)
+    answer = GoIcp(motion="prior", budget_ms=None, max_nodes=50, threshold=1e-6).register(
+        make_problem(source, noisy, prior=prior)
+    )
+    assert off_deg(answer.T_target_source, truth) < 5
+
+
 def test_more_nodes_never_make_the_gap_wider():
     problem = make_problem(shell(0), shell(1))
     gaps = [
@@ -358,7 +384,13 @@ def test_degenerate_clouds_get_a_rigid_motion_in_time(points, overlap):
     assert answer.facts["error"] < 1e-3
 
 
-@pytest.mark.parametrize("parameters", [{"overlap": 0.0}, {"overlap": 1.5}, {"threshold": 0.0}])
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"overlap": 0.0}, {"overlap": 1.5}, {"threshold": 0.0}, {"starts": 0}, {"beam": -1}, {"finalists": -1},
+        {"max_points": 0}, {"cells": 1},
+    ],
+)  # fmt: skip
 def test_parameters_out_of_range_are_refused(parameters):
     with pytest.raises(ValueError, match=next(iter(parameters))):
         GoIcp(**parameters).register(make_problem(body(50), body(50)))
