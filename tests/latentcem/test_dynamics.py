@@ -54,3 +54,23 @@ def test_every_configuration_can_be_built_and_asked():
             assert model.decoder(model.encode(clouds)).shape == (2, 784, 3)
             z = model.encode(clouds)
             assert model.reward(z, z)(torch.zeros(2, 5, 6)).shape == (2, 5)
+
+
+@pytest.mark.parametrize(("dtype", "share"), [(torch.float64, 1e-5), (torch.bfloat16, 0.05)])
+def test_other_precisions_stay_near_float32(dtype, share):
+    """Off by at most a share of the answers' spread: f's states, d's distances, and the planner's rewards."""
+    torch.manual_seed(0)
+    f, d = TransformationNetwork(widths=(64, 32)), EvaluationNetwork(widths=(64, 32))
+    f.state_mean.fill_(0.7)
+    f.state_deviation.fill_(0.2)
+    z_source, z_target = 0.7 + 0.2 * torch.randn(2, 512), 0.7 + 0.2 * torch.randn(2, 512)
+    actions = torch.randn(2, 200, 6) * f.action_deviations
+
+    def answers(of):
+        states, targets, moves = z_source.to(of)[:, None], z_target.to(of)[:, None], actions.to(of)
+        moved = f.to(of)(states, moves)
+        reward = learned_reward(f, d.to(of), states[:, 0], targets[:, 0])(moves)
+        return [values.detach().float() for values in (moved, d(moved, targets), reward)]
+
+    for other, single in zip(answers(dtype), answers(torch.float32), strict=True):
+        assert (other - single).abs().mean() <= share * single.std()
