@@ -341,7 +341,7 @@ def test_it_is_installed_under_its_name():
     assert MethodRegistry().resolve(parse_methods(["super4pcs"])[0]).cls is Super4Pcs
 
 
-@pytest.mark.parametrize("parameters", [{}, {"overlap": 0.6, "max_points": 300}, {"copy_delta": 0.0, "repeats": 2}])
+@pytest.mark.parametrize("parameters", [{}, {"overlap": 0.6, "max_points": 300, "copy_delta": 0.0, "repeats": 2}])
 def test_conforms(parameters):
     assert_conforms(Super4Pcs, parameters)
 
