@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from regbench.compiled_cache import settle
+from regbench.compiled.cache import settle
 
 settle()  # else numba may load code of an older nearest_tree.py
 
@@ -27,8 +27,9 @@ from regbench_baselines.open3d_library import import_open3d, point_cloud, point_
 from regbench_baselines.starts import start_of  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
-from regbench.geometry.icp import _fit, _moved, icp  # noqa: E402
+from regbench.geometry.icp import icp  # noqa: E402
 from regbench.geometry.local_frame import LocalFrame  # noqa: E402
+from regbench.geometry.matches import add_match, fit_matches, moved_point  # noqa: E402
 from regbench.geometry.nearest_tree import DEEPEST, build_tree, nearest_in_tree  # noqa: E402
 from regbench.geometry.se3 import transform  # noqa: E402
 from regbench.metrics.rotation import euler_residuals_deg, rmse, rotation_error_deg  # noqa: E402
@@ -46,15 +47,20 @@ def sweeps(source, tree, axes, rotations, translations, fit):
     places = np.zeros(len(source), np.int64)
     lows, highs, beyond = np.empty(DEEPEST, np.int64), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
     rotation, translation = np.empty((3, 3)), np.empty(3)
+    sums, products = np.empty((2, 3)), np.empty((3, 3))
     for pose in range(len(rotations)):
         place = places[0]
         for index in range(len(source)):
-            x, y, z = _moved(rotations[pose], translations[pose], source, index)
+            x, y, z = moved_point(rotations[pose], translations[pose], source, index)
             guess = places[index] if pose else place
             place, _ = nearest_in_tree(tree, axes, x, y, z, guess, lows, highs, beyond)
             places[index] = place
         if fit:
-            _fit(source, tree, places, len(source), rotation, translation)
+            sums[:] = 0.0
+            products[:] = 0.0
+            for index in range(len(source)):
+                add_match(sums, products, source, index, tree, places[index])
+            fit_matches(sums, products, len(source), source, tree, rotation, translation)
     return places
 
 

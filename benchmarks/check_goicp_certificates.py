@@ -18,7 +18,7 @@ from regbench_baselines.goicp.search import Settings, mean_squared_error, search
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from regbench.compiled_cache import settle
+from regbench.compiled.cache import settle
 from regbench.geometry.icp import icp
 from regbench.geometry.se3 import se3
 

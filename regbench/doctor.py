@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from regbench import inventory
-from regbench.compiled_cache import NOWHERE
+from regbench.compiled.cache import NOWHERE
 from regbench.datasets.store import data_dir
 from regbench.runner.manifest import hardware, versions
 
@@ -68,7 +68,7 @@ def _imports(module: str) -> str:
 def _compiled_code() -> dict[str, str]:
     """Return where it is kept between processes, and what a new process waits for its first answer."""
     try:
-        found = json.loads(_python("-m", "regbench.compiled_start"))
+        found = json.loads(_python("-m", "regbench.compiled.start"))
     except ChildProcessError as error:
         return {"our ICP": f"does not start: {error}"}
     kept = found["folder"] != NOWHERE

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from regbench.compiled_cache import settle
+from regbench.compiled.cache import settle
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 

@@ -9,7 +9,7 @@ import numpy as np
 from regbench.contract import MotionPrior, Problem, Registrar, Registration
 from regbench.geometry.se3 import se3
 
-from ..local_frame import LocalFrame
+from ..local_frame import LocalFrame, require_like_sizes
 from ..starts import start_of
 from .search import Box, Found, Settings, search
 
@@ -101,7 +101,8 @@ class GoIcp(Registrar):
             The `confidence` is minus the root of the mean squared error, in extents of the target.
 
         Raises:
-            ValueError: A cloud has no points, or a parameter is out of range.
+            ValueError: A cloud has no points, the source is very much larger than the target, or a parameter is out of
+                range.
         """
         if not 0 < self.overlap <= 1:
             raise ValueError(f"overlap is a share in (0, 1], got {self.overlap}")
@@ -111,6 +112,7 @@ class GoIcp(Registrar):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
         frame = LocalFrame.of(problem)
+        require_like_sizes(frame)
         prior = problem.motion_prior if self.motion == "prior" else None
         starts = [start_of(problem, frame, self.init)]
         if prior is not None:

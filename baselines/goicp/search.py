@@ -16,8 +16,8 @@ from regbench.geometry.grid_icp import grid_icp
 from regbench.geometry.icp import icp
 from regbench.geometry.nearest_tree import build_tree, nearest_neighbours
 from regbench.geometry.se3 import se3, transform
-from regbench.geometry.spread import spread_order
 
+from ..thinning import drawn, spread
 from .branch_and_bound import FINISHED, FULL, IMPROVED, search_slice
 from .exploration import APART_DEG, promising_motions, promising_rotations
 from .heap import push
@@ -34,11 +34,10 @@ GRID_ITERATIONS, GRID_TOLERANCE = 30, 1e-3
 FINALIST_TOLERANCE = 1e-2
 # Mean squared error, in voxels, at which two clouds are the same.
 SAME = 1e-12
-# Points of the target that are searched with, for one of the source; a cloud is thinned to what is wanted of it by
-# choosing among so many times as many, drawn at random.
-TARGET_POINTS, DRAWN_PER_POINT = 5, 5
-# Most iterations of ICP on the whole target of a thinned one, from where ICP with the thinned ones ended.
-LAST_ITERATIONS = 20
+# Points of the target that are searched with, for one of the source.
+TARGET_POINTS = 5
+# Where clouds were thinned: points of the source of the last ICP, for one searched with, and its most iterations.
+LAST_POINTS, LAST_ITERATIONS = 5, 20
 # Edge of the voxels that the bounds are read from, in roots of the threshold; and most of them along a side.
 VOXEL_OF_BOUNDS, MOST_CELLS_OF_BOUNDS = 0.6, 160
 # Between two looks at the clock branch and bound takes about so long, in seconds.
@@ -127,8 +126,9 @@ def search(
     """
     end = inf if settings.budget_s is None else time.perf_counter() + settings.budget_s
     rng = np.random.default_rng(seed)
-    few = _spread(source, settings.max_points, rng)
-    scene = _Scene(few, _spread(target, TARGET_POINTS * settings.max_points, rng), settings)
+    few = spread(source, settings.max_points, rng)
+    most = TARGET_POINTS * settings.max_points
+    scene = _Scene(few, spread(target, most, rng) if len(target) > most else target, settings)
     for start in starts:
         scene.refine(scene.followed(start, len(few))[1])
     if settings.beam and not scene.is_same():
@@ -138,23 +138,10 @@ def search(
         nodes, bound = scene.branch_and_bound(end, progress)
     best, error = scene.best, scene.least
     if len(few) < len(source) or len(scene.target) < len(target):
-        more = _drawn(source, settings.max_points, rng)
+        more = drawn(source, LAST_POINTS * settings.max_points, rng)
         best = icp(more, target, best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
         error = mean_squared_error(source, target, best, settings.overlap)
     return Found(best, error, scene.least - bound, nodes, len(few))
-
-
-def _spread(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return the points, or at most so many of them that cover the cloud, the farthest from each other first."""
-    drawn = _drawn(points, most, rng)
-    return drawn[spread_order(drawn, min(len(drawn), most))]
-
-
-def _drawn(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return the points, or some times `most` of them drawn at random: to choose from all would take too long."""
-    if len(points) <= DRAWN_PER_POINT * most:
-        return points
-    return points[rng.choice(len(points), DRAWN_PER_POINT * most, replace=False)]
 
 
 def mean_squared_error(
@@ -214,24 +201,23 @@ class _Scene:
             self.best, self.least = moved, error
 
     def followed(self, start: Motion, points: int) -> tuple[float, Motion]:
-        """Return where ICP on the grid ends with the first points: mean squared error in voxels, and the motion."""
-        cell, low = self._grid.cell, self._grid.low
-        source = (self._source[:points] / cell).astype(np.float32)
-        rotation, translation = start[:3, :3].copy(), (start[:3, 3] - low) / cell
+        """Return where ICP on the grid ends with the first points: the mean squared error, and the motion."""
+        grid, rotation, translation = self._grid, start[:3, :3].copy(), start[:3, 3].copy()
+        source = self._source[:points].astype(np.float32)
         error = grid_icp(
             source,
-            self._voxel_target,
-            self._grid.labels,
-            np.zeros(3, np.float32),
-            1.0,
-            self._grid.shape,
+            grid.points,
+            grid.labels,
+            grid.low,
+            grid.cell,
+            grid.shape,
             rotation,
             translation,
             ceil(self._settings.overlap * len(source)),
             GRID_ITERATIONS,
             GRID_TOLERANCE,
         )
-        return error, self._motion(rotation, translation)
+        return error, se3(rotation, translation)
 
     def explore(self) -> None:
         """Refine the best motions of a grid: cheaply, then the best of those exactly."""

@@ -15,10 +15,10 @@ from regbench.geometry.se3 import se3, transform
 from regbench.geometry.size import extent, spacing
 
 from ..flat import principal_starts
-from ..local_frame import LocalFrame, require_surface
+from ..local_frame import LocalFrame, require_like_sizes, require_surface
+from ..thinning import distinct_points, drawn, thinned
 from .judgement import Judgement
 from .search import Found, Settings, search
-from .thinning import distinct_points, thinned
 from .verification import least_distances
 
 Cloud = NDArray[np.float64]
@@ -146,12 +146,14 @@ class Super4Pcs(Registrar):
             The `confidence` is the share of the source's points, of those searched with, within `reach` of the target.
 
         Raises:
-            ValueError: A cloud has fewer than three distinct points, or a parameter is out of range.
+            ValueError: A cloud has fewer than three distinct points, the source is very much larger than the target,
+                or a parameter is out of range.
         """
         self._require_sense()
         require_surface(problem)
         began = time.perf_counter()
         frame = LocalFrame.of(problem)
+        require_like_sizes(frame)
         rng = np.random.default_rng(problem.seed)
         source, target = (self._sample(cloud, rng) for cloud in (frame.source, frame.target))
         unit = spacing(target)
@@ -230,8 +232,7 @@ class Super4Pcs(Registrar):
     def _refined_by_dense(
         self, frame: LocalFrame, grid: DistanceGrid, T_local: Motion, unit: float, rng: np.random.Generator
     ) -> Motion:
-        drawn = rng.choice(len(frame.source), min(len(frame.source), self.refine_points), replace=False)
-        source = frame.source[drawn]
+        source = drawn(frame.source, self.refine_points, rng)
         for reach in DENSE_REACHES:
             near = least_distances(grid, transform(T_local, source)) <= LEFT_OUT_BEYOND * reach * unit
             if near.any():

@@ -9,7 +9,7 @@ import typer
 
 from regbench.cli import align, check, data, doctor, ls, new, plot, reproduce, run, table, train, weights
 from regbench.cli.options import NamesBelow, help_without_verb
-from regbench.compiled_cache import settle
+from regbench.compiled.cache import settle
 from regbench.errors import UserError
 
 INTERRUPTED = 130

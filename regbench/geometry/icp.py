@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from regbench.geometry.horn import rotation_of_covariance
+from regbench.geometry.matches import add_match, fit_matches, moved_point
 from regbench.geometry.nearest_tree import DEEPEST, build_tree, nearest_in_tree
 from regbench.geometry.se3 import se3
 
@@ -96,13 +96,14 @@ def _iterate(
     count = len(source)
     places, before = np.zeros(count, np.int64), np.full(count, -1, np.int64)
     squares = np.empty(count)
+    sums, products = np.empty((2, 3)), np.empty((3, 3))
     lows, highs, beyond = np.empty(DEEPEST, np.int64), np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
     kept = int(np.ceil(overlap * count))
     residual, matched = np.nan, 0
     for iteration in range(max_iterations):
         place, changed = places[0], False
         for index in range(count):
-            x, y, z = _moved(rotation, translation, source, index)
+            x, y, z = moved_point(rotation, translation, source, index)
             # Its match before, or its neighbour's in the first iteration.
             guess = places[index] if iteration else place
             place, squares[index] = nearest_in_tree(tree, axes, x, y, z, guess, lows, highs, beyond)
@@ -111,6 +112,8 @@ def _iterate(
         if kept < count:
             farthest = min(farthest, np.partition(squares, kept - 1)[kept - 1])
         total, matched = 0.0, 0
+        sums[:] = 0.0
+        products[:] = 0.0
         for index in range(count):
             match = places[index] if squares[index] <= farthest else -2
             if match != before[index]:
@@ -119,56 +122,14 @@ def _iterate(
             if match >= 0:
                 total += squares[index]
                 matched += 1
+                add_match(sums, products, source, index, tree, match)
         if not changed:
             return iteration, True, residual, matched / count
         if matched < 3 and max_distance < np.inf:
             return iteration, False, residual, matched / count
         now = np.sqrt(total / matched)
-        _fit(source, tree, before, matched, rotation, translation)
+        fit_matches(sums, products, matched, source, tree, rotation, translation)
         if tolerance > 0 and residual - now < tolerance * residual:
             return iteration + 1, True, now, matched / count
         residual = now
     return max_iterations, False, residual, matched / count
-
-
-@njit(cache=True, inline="always")
-def _moved(
-    rotation: NDArray[np.float64], translation: NDArray[np.float64], points: NDArray[np.float64], index: int
-) -> tuple[float, float, float]:
-    a, b, c = points[index, 0], points[index, 1], points[index, 2]
-    return (
-        rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2] * c + translation[0],
-        rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2] * c + translation[1],
-        rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c + translation[2],
-    )
-
-
-@njit(cache=True)
-def _fit(
-    source: NDArray[np.float64],
-    tree: NDArray[np.float64],
-    matches: NDArray[np.int64],
-    matched: int,
-    rotation: NDArray[np.float64],
-    translation: NDArray[np.float64],
-) -> None:
-    """Write the motion of least squares over the matches, those that are not negative."""
-    source_mean, target_mean, covariance = np.zeros(3), np.zeros(3), np.zeros((3, 3))
-    for index in range(len(source)):
-        if matches[index] >= 0:
-            for axis in range(3):
-                source_mean[axis] += source[index, axis]
-                target_mean[axis] += tree[matches[index], axis]
-    source_mean /= matched
-    target_mean /= matched
-    for index in range(len(source)):
-        if matches[index] >= 0:
-            for row in range(3):
-                offset = source[index, row] - source_mean[row]
-                for column in range(3):
-                    covariance[row, column] += offset * (tree[matches[index], column] - target_mean[column])
-    rotation_of_covariance(covariance, rotation)
-    for row in range(3):
-        translation[row] = target_mean[row]
-        for column in range(3):
-            translation[row] -= rotation[row, column] * source_mean[column]

@@ -11,6 +11,9 @@ from regbench.contract import Problem
 from regbench.geometry.se3 import se3
 from regbench.geometry.size import extent
 
+# Squares of larger lengths than this, and of the inverses of smaller ones, are not 64-bit numbers.
+LARGEST = 1e150
+
 
 @dataclass(frozen=True, eq=False)
 class LocalFrame:
@@ -38,11 +41,15 @@ class LocalFrame:
         """Make the frame of a problem.
 
         Raises:
-            ValueError: A cloud has no points.
+            ValueError: A cloud has no points, or is too large or too small for 64-bit numbers.
         """
         for name, points in (("source", problem.source), ("target", problem.target)):
             if len(points) == 0:
                 raise ValueError(f"the {name} cloud has no points")
+            if np.abs(points).max() > LARGEST:
+                raise ValueError(f"the {name} cloud has coordinates over {LARGEST:g}; scale both clouds down")
+            if 0 < np.ptp(points, axis=0).max() < 1 / LARGEST:
+                raise ValueError(f"the {name} cloud is smaller than {1 / LARGEST:g}; scale both clouds up")
         source_centroid = problem.source.mean(axis=0)
         target_centroid = problem.target.mean(axis=0)
         unit = extent(problem.target) or extent(problem.source) or 1.0

@@ -62,7 +62,7 @@ def _confine(setup: Message) -> None:
         # RLIMIT_DATA counts private writable memory; unlike RLIMIT_AS it leaves CUDA's address ranges alone.
         resource.setrlimit(resource.RLIMIT_DATA, (setup["memory_bytes"], setup["memory_bytes"]))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    from regbench.compiled_cache import settle
+    from regbench.compiled.cache import settle
     from regbench.native import load_libusb
 
     load_libusb()

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from regbench_baselines.local_frame import LocalFrame, require_surface
+from regbench_baselines.local_frame import LocalFrame, require_like_sizes, require_surface
 from scipy.spatial.transform import Rotation
 
 from regbench import Problem
@@ -57,3 +57,23 @@ def test_a_surface_needs_distinct_points():
     for bad in (points[:2], np.repeat(points[:2], 7, axis=0), np.ones((9, 3)), points[[0, 1, 1, 1, 0, 1]]):
         with pytest.raises(ValueError, match="the target cloud has fewer than 3 distinct points"):
             require_surface(Problem(source=points, target=bad))
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "words"),
+    [
+        (1e300, 1.0, "source cloud has coordinates over"),
+        (1.0, 1e160, "target cloud has coordinates over"),
+        (1.0, 1e-300, "target cloud is smaller than"),
+        (1e-160, 1.0, "source cloud is smaller than"),
+    ],
+)
+def test_clouds_whose_squares_are_no_numbers_are_refused(source, target, words):
+    with pytest.raises(ValueError, match=words):
+        LocalFrame.of(Problem(source=source * np.eye(3), target=target * np.eye(3)))
+
+
+def test_a_source_a_million_million_times_larger_is_refused_by_searches_in_32_bits():
+    require_like_sizes(LocalFrame.of(Problem(source=1e11 * np.eye(3), target=np.eye(3))))
+    with pytest.raises(ValueError, match="times as large"):
+        require_like_sizes(LocalFrame.of(Problem(source=1e14 * np.eye(3), target=np.eye(3))))

@@ -12,10 +12,10 @@ import pytest
 
 import regbench
 from regbench import doctor
-from regbench.compiled_cache import NOWHERE
+from regbench.compiled.cache import NOWHERE
 
 PACKAGE = Path(regbench.__file__).parent
-SETTLE = "from regbench.compiled_cache import settle; settle()\n"
+SETTLE = "from regbench.compiled.cache import settle; settle()\n"
 OUTER = "from numba import njit\nfrom inner import part\n@njit(cache=True)\ndef total(x):\n    return part(x) + 1\n"
 INNER = "from numba import njit\n@njit(cache=True)\ndef part(x):\n    return 10 * x.sum()\n"
 TOTAL = """

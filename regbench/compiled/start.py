@@ -1,4 +1,4 @@
-"""What a process pays before its first compiled answer. `python -m regbench.compiled_start` says it as JSON."""
+"""What a process pays before its first compiled answer. `python -m regbench.compiled.start` says it as JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import sys
 import time
 
-from regbench.compiled_cache import settle
+from regbench.compiled.cache import settle
 
 
 def main() -> None:

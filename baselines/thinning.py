@@ -1,12 +1,15 @@
-"""Fewer points that cover the same surface: what a search with bases works on."""
+"""Fewer points that cover the same surface: what a search works on."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-# A larger cloud is first drawn from at random: so many points for one that is wanted.
-DRAWN_PER_POINT = 50
+from regbench.geometry.spread import spread_order
+
+# A much larger cloud is first drawn from at random, so many points for one that is wanted: for voxels, which are fast,
+# and for distances, of which each point that is wanted takes one to every point there is.
+PER_VOXEL, PER_SPREAD_POINT = 50, 5
 # The voxels' edge is found in so many steps, or where at least this share of the points wanted is left.
 STEPS, LEAST_SHARE = 12, 0.9
 
@@ -14,6 +17,23 @@ STEPS, LEAST_SHARE = 12, 0.9
 def distinct_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (N, 3) points without repetitions, in an order that does not depend on theirs."""
     return np.unique(points, axis=0)
+
+
+def drawn(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return the (N, 3) points, or so many of them drawn at random."""
+    return points if len(points) <= most else points[rng.choice(len(points), most, replace=False)]
+
+
+def spread(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return the points, or at most so many of them that cover the cloud, the farthest from each other first.
+
+    Args:
+        points: (N, 3), N >= 1.
+        most: Most points returned.
+        rng: Draws from clouds that are much larger.
+    """
+    chosen = drawn(points, PER_SPREAD_POINT * most, rng)
+    return chosen[spread_order(chosen, min(len(chosen), most))]
 
 
 def thinned(points: NDArray[np.float64], most: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -26,8 +46,7 @@ def thinned(points: NDArray[np.float64], most: int, rng: np.random.Generator) ->
     """
     if len(points) <= most:
         return points
-    if len(points) > DRAWN_PER_POINT * most:
-        points = points[rng.choice(len(points), DRAWN_PER_POINT * most, replace=False)]
+    points = drawn(points, PER_VOXEL * most, rng)
     low = points.min(axis=0)
     edge = float((points.max(axis=0) - low).max()) / np.sqrt(most)
     best = points[:1]

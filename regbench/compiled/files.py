@@ -1,4 +1,4 @@
-"""How compiled functions are kept between processes. numba imports it with the first of them; see compiled_cache.py.
+"""How compiled functions are kept between processes. numba imports it with the first of them; see cache.py.
 
 Where is numba's own choice: NUMBA_CACHE_DIR if set, else `__pycache__` beside the source, else the user's cache folder;
 the first that can be written. What numba 0.68 does there does not do for a benchmark:
@@ -26,7 +26,7 @@ from typing import Any
 
 import numba
 
-from regbench.compiled_cache import NOWHERE
+from regbench.compiled.cache import NOWHERE
 
 caching: Any = importlib.import_module("numba.core.caching")  # so imported it is Any: numba's internals have no types
 

@@ -1,0 +1,1 @@
+"""How compiled functions are kept between processes, and what the first of them costs."""
