@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from regbench.contract import Problem, Registrar, Registration
+from regbench.geometry.starts import Start, skip_without_prior, start_of
 
 from .local_frame import LocalFrame, require_surface
 from .open3d_library import import_open3d, point_cloud
-from .starts import Start, skip_without_prior, start_of
 
 
 class Gicp(Registrar):

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from regbench.contract import Problem, Registrar, Registration
 from regbench.errors import UserError
 from regbench.geometry.icp import icp
+from regbench.geometry.starts import Start, skip_without_prior, start_of
 
 from .local_frame import LocalFrame, require_surface
 from .open3d_library import import_open3d, point_cloud, point_to_point_icp
-from .starts import Start, skip_without_prior, start_of
 
 
 class Icp(Registrar):

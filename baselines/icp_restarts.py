@@ -15,9 +15,9 @@ from regbench.contract import Problem, Registrar, Registration
 from regbench.geometry.chamfer import chamfer_distance
 from regbench.geometry.icp import icp
 from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
+from regbench.geometry.starts import skip_without_prior, start_of
 
 from .local_frame import LocalFrame
-from .starts import skip_without_prior, start_of
 
 Motion = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from regbench.contract import Problem, Registrar, Registration
+from regbench.geometry.starts import Start, skip_without_prior, start_of
 
 from .local_frame import LocalFrame
-from .starts import Start, skip_without_prior, start_of
 
 
 class KissIcp(Registrar):

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 
 from regbench.contract import Problem, Registrar, Registration
+from regbench.geometry.starts import Start, skip_without_prior, start_of
 
 from .local_frame import LocalFrame, require_surface
-from .starts import Start, skip_without_prior, start_of
 
 
 class SmallGicp(Registrar):

@@ -24,7 +24,6 @@ import small_gicp  # noqa: E402
 from numba import njit  # noqa: E402
 from regbench_baselines.icp import Icp  # noqa: E402
 from regbench_baselines.open3d_library import import_open3d, point_cloud, point_to_point_icp  # noqa: E402
-from regbench_baselines.starts import start_of  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
 from regbench.geometry.icp import icp  # noqa: E402
@@ -32,6 +31,7 @@ from regbench.geometry.local_frame import LocalFrame  # noqa: E402
 from regbench.geometry.matches import add_match, fit_matches, moved_point  # noqa: E402
 from regbench.geometry.nearest_tree import DEEPEST, build_tree, nearest_in_tree  # noqa: E402
 from regbench.geometry.se3 import transform  # noqa: E402
+from regbench.geometry.starts import start_of  # noqa: E402
 from regbench.metrics.rotation import euler_residuals_deg, rmse, rotation_error_deg  # noqa: E402
 from regbench.registry import find_protocol  # noqa: E402
 

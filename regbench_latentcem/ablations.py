@@ -66,10 +66,10 @@ def reproduce(
     """
     import torch
 
-    from .weight_files import weights_path
+    from .weight_files import weight_files
 
     new_figure()  # says now, not after the trainings, that matplotlib is missing
-    given = weights_path(weights or "modelnet40")
+    given = weight_files().path(weights or "modelnet40")
     LatentCem(weights=str(given)).prepare()
     torch.set_num_threads(threads)
     on = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"

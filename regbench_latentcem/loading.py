@@ -10,7 +10,7 @@ from regbench.learning.weights import load_weights
 from .equivariant import VectorEncoder
 from .matching import Matcher
 from .model import Configuration, EquivariantModel, LatentModel
-from .weight_files import matcher_path, named, weights_path
+from .weight_files import matcher_path, named, weight_files
 
 
 def load_model(model: Literal["paper", "equivariant"], weights: str) -> LatentModel | EquivariantModel:
@@ -30,12 +30,12 @@ def load_model(model: Literal["paper", "equivariant"], weights: str) -> LatentMo
 
 
 def load_paper_model(name: str) -> LatentModel:
-    """Return the paper's networks with weights of this package, or of a path; see `weights_path`.
+    """Return the paper's networks with weights of this package, or of a path; see `WeightFiles`.
 
     Raises:
         UserError: There are no such weights, or they are damaged or of another model.
     """
-    path = weights_path(name)
+    path = weight_files().path(name)
     weights = load_weights(path)
     try:
         configuration = Configuration.from_card(weights.card["configuration"])
@@ -47,12 +47,12 @@ def load_paper_model(name: str) -> LatentModel:
 
 
 def load_equivariant_model(name: str) -> EquivariantModel:
-    """Return the equivariant model with weights of this package, or of a path; see `weights_path`.
+    """Return the equivariant model with weights of this package, or of a path; see `WeightFiles`.
 
     Raises:
         UserError: There are no such weights, or they are damaged or of another model.
     """
-    weights = load_weights(weights_path(name))
+    weights = load_weights(weight_files().path(name))
     model = untrained_equivariant_model()
     weights.load_into(model.encoder)
     return model

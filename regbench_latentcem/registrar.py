@@ -110,10 +110,10 @@ class LatentCem(Registrar):
 
     def data_files(self) -> list[Path]:
         """Return the weight files in use."""
-        from .weight_files import file_of, matcher_path, named
+        from .weight_files import matcher_path, named, weight_files
 
         name = named(self.model, self.weights)
-        files = [] if name == "none" else [file_of(name)]
+        files = [] if name == "none" else [weight_files().file(name)]
         return files + ([matcher_path()] if self.refine == "verify" and self.matches else [])
 
     def register(self, problem: Problem) -> Registration:

@@ -9,15 +9,12 @@ from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from torch import Tensor, nn
 
-from regbench.errors import UserError
+from regbench.learning.training.clouds import DatasetName, TrainingClouds
 from regbench.learning.training.recipe import read_table
 from regbench.learning.training.trainable import Sample, Trainable
-from regbench.protocols.seven_scenes import normalised, split_scans
-from regbench.registry import open_dataset
 
 from .encoder import POINTS
 from .losses import training_losses
@@ -26,8 +23,6 @@ from .sampling import Sampling, draw_sample
 from .support import extreme_points, start_as_support, support_states, support_transformation_loss
 from .validation import ValidationPairs
 from .weight_files import FOLDER
-
-Array = NDArray[np.float64]
 
 
 class Settings(BaseModel):
@@ -59,7 +54,7 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    dataset: Literal["modelnet40", "7scenes"] = "modelnet40"
+    dataset: DatasetName = "modelnet40"
     held_out: int = Field(300, ge=1)
     validated: int = Field(64, ge=1)
     points: int = Field(POINTS, ge=32)
@@ -109,8 +104,8 @@ class LatentCemTraining(Trainable):
 
     def sample(self, rng: np.random.Generator, progress: float) -> Sample:
         """Return a training cloud's sample."""
-        trained, _ = self._split
-        cloud = self._cloud(int(trained[rng.integers(len(trained))]))
+        trained = self._clouds.trained
+        cloud = self._clouds.cloud(int(trained[rng.integers(len(trained))]))
         sampling = Sampling(copies=self.table.copies, noisy=self.table.noisy, varied=self.table.varied)
         return cast(Sample, draw_sample(cloud, self.table.points, sampling, rng))
 
@@ -157,17 +152,11 @@ class LatentCemTraining(Trainable):
 
     def card(self) -> dict[str, Any]:
         """Return data, split and configuration."""
-        trained, held_out = self._split
         return {
             "method": "latentcem",
             "model": "paper",
             "configuration": self.configuration.as_card(),
-            "data": {
-                "dataset": self.table.dataset,
-                "sha256": self._dataset.sha256,
-                "clouds trained on": len(trained),
-                "clouds held out": len(held_out),
-            },
+            "data": self._clouds.card(),
         }
 
     def _losses_on_support(self, model: LatentModel, batch: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -191,7 +180,7 @@ class LatentCemTraining(Trainable):
 
     @cached_property
     def _extremes(self) -> Tensor:
-        return extreme_points(self._cloud(int(index)) for index in self._split[0])
+        return extreme_points(self._clouds.cloud(int(index)) for index in self._clouds.trained)
 
     def _extremes_on(self, device: torch.device) -> Tensor:
         """Return the extreme points on a device; they are copied there once."""
@@ -200,42 +189,13 @@ class LatentCemTraining(Trainable):
         return self._extremes
 
     @cached_property
-    def _dataset(self) -> Any:
-        return open_dataset(self.table.dataset, self.data)
-
-    @cached_property
-    def _points(self) -> NDArray[np.float32]:
-        points = np.asarray(self._dataset.splits["train" if self.table.dataset == "modelnet40" else "scans"].points)
-        if points.shape[1] < self.table.points:
-            raise UserError(
-                f"latentcem: [method] points = {self.table.points}: clouds of {self.table.dataset} have "
-                f"{points.shape[1]}"
-            )
-        return points
-
-    @cached_property
-    def _split(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The clouds that are trained on and those held out: a fixed shuffle of the training clouds."""
-        if self.table.dataset == "modelnet40":
-            indices = np.arange(len(self._points))
-        else:
-            indices, _ = split_scans(self._dataset.splits["scans"].ids)
-        if self.table.held_out >= len(indices):
-            raise UserError(
-                f"latentcem: [method] held_out = {self.table.held_out} leaves no cloud to train on: "
-                f"{self.table.dataset} has {len(indices)}"
-            )
-        shuffled = np.random.Generator(np.random.PCG64(1)).permutation(indices)
-        return shuffled[self.table.held_out :], shuffled[: self.table.held_out]
-
-    def _cloud(self, index: int) -> Array:
-        """Return a cloud as the protocol takes it; of a scan, all its points, of which samples draw some."""
-        if self.table.dataset == "modelnet40":
-            return np.asarray(self._points[index, : max(POINTS, self.table.points)], dtype=np.float64)
-        return normalised(np.asarray(self._points[index], dtype=np.float64))
+    def _clouds(self) -> TrainingClouds:
+        table = self.table
+        most = max(POINTS, table.points)
+        return TrainingClouds(table.dataset, self.data, most, table.held_out, "latentcem: [method]")
 
     @cached_property
     def _pairs(self) -> ValidationPairs:
-        _, held_out = self._split
-        clouds = [self._cloud(int(index)) for index in held_out[: self.table.validated]]
+        held_out = self._clouds.validated[: self.table.validated]
+        clouds = [self._clouds.cloud(int(index)) for index in held_out]
         return ValidationPairs.of(clouds, self.table.points)

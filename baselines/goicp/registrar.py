@@ -8,9 +8,9 @@ import numpy as np
 
 from regbench.contract import MotionPrior, Problem, Registrar, Registration
 from regbench.geometry.se3 import se3
+from regbench.geometry.starts import start_of
 
 from ..local_frame import LocalFrame, require_like_sizes
-from ..starts import start_of
 from .search import Box, Found, Settings, search
 
 

@@ -16,8 +16,8 @@ from regbench.geometry.grid_icp import grid_icp
 from regbench.geometry.icp import icp
 from regbench.geometry.nearest_tree import build_tree, nearest_neighbours
 from regbench.geometry.se3 import se3, transform
+from regbench.geometry.thinning import drawn, spread
 
-from ..thinning import drawn, spread
 from .branch_and_bound import FINISHED, FULL, IMPROVED, search_slice
 from .exploration import APART_DEG, promising_motions, promising_rotations
 from .heap import push

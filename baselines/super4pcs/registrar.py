@@ -13,10 +13,10 @@ from regbench.geometry.distance_grid import DistanceGrid
 from regbench.geometry.icp import icp
 from regbench.geometry.se3 import se3, transform
 from regbench.geometry.size import extent, spacing
+from regbench.geometry.thinning import distinct_points, drawn, thinned
 
 from ..flat import principal_starts
 from ..local_frame import LocalFrame, require_like_sizes, require_surface
-from ..thinning import distinct_points, drawn, thinned
 from .judgement import Judgement
 from .search import Found, Settings, search
 from .verification import least_distances

@@ -60,7 +60,8 @@ def record(
     plugin: Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with a method.")] = None,
 ) -> None:
     """Write the figures of runs into the model cards of the weights that they used, as "test"."""
-    from regbench.learning.weights import SUFFIX, add_test_figures, card_path
+    from regbench.learning.weight_files import SUFFIX
+    from regbench.learning.weights import add_test_figures, card_path
     from regbench.registry import MethodRegistry
     from regbench.report.weight_figures import figures_by_file
     from regbench.runner.rundir import find_run

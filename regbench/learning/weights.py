@@ -16,8 +16,7 @@ from torch import Tensor, nn
 
 from regbench.errors import UserError
 from regbench.files import write_atomically
-
-SUFFIX = ".safetensors"
+from regbench.learning.weight_files import SUFFIX
 
 
 @dataclass(frozen=True)

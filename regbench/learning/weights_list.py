@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
-from regbench.learning.weights import SUFFIX, load_weights
+from regbench.learning.weight_files import SUFFIX
+from regbench.learning.weights import load_weights
 
 Entry = dict[str, Any]
 

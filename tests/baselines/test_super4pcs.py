@@ -18,7 +18,6 @@ from regbench_baselines.super4pcs.pairs import SPHERES_FROM, pairs_at_distance, 
 from regbench_baselines.super4pcs.polishing import polished
 from regbench_baselines.super4pcs.random_state import below, seeded_state
 from regbench_baselines.super4pcs.verification import best_of, least_distances, scores_of
-from regbench_baselines.thinning import distinct_points, thinned
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -26,6 +25,7 @@ from regbench import Problem
 from regbench.geometry.distance_grid import DistanceGrid
 from regbench.geometry.kabsch import kabsch
 from regbench.geometry.se3 import se3, transform, why_not_rigid
+from regbench.geometry.thinning import distinct_points, thinned
 from regbench.protocols.demo import DEMO
 from regbench.registry import MethodRegistry, import_file, parse_methods
 from regbench.testing import assert_conforms

@@ -11,7 +11,7 @@ from regbench.testing import clouds
 from regbench_latentcem import weight_files
 from regbench_latentcem.model import Configuration, LatentModel
 from regbench_latentcem.registrar import LatentCem
-from regbench_latentcem.weight_files import weights_path
+from regbench_latentcem.weight_files import weight_files as files_of_package
 
 
 @pytest.fixture
@@ -26,7 +26,11 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_a_name_is_of_the_package_and_a_path_is_a_path(folder, monkeypatch):
-    assert weights_path("a") == weights_path(str(folder / "a.safetensors")) == folder / "a.safetensors"
+    assert (
+        files_of_package().path("a")
+        == files_of_package().path(str(folder / "a.safetensors"))
+        == folder / "a.safetensors"
+    )
     problem, _ = clouds.easy_problem(100)
     small = {"T": 2, "N": 50, "K": 5}
     by_name = LatentCem(weights="a", **small).register(problem)
@@ -36,7 +40,7 @@ def test_a_name_is_of_the_package_and_a_path_is_a_path(folder, monkeypatch):
 
 def test_missing_weights_are_named(folder):
     with pytest.raises(UserError, match=r"no weights 'b' in .* \(there: a\)"):
-        weights_path("b")
+        files_of_package().path("b")
     with pytest.raises(UserError, match=r"weights gone/a\.safetensors: no such file"):
         LatentCem(weights="gone/a.safetensors").prepare()
 

@@ -63,7 +63,7 @@ def test_f_may_learn_in_mixed_precision_and_all_else_stays_in_full(prepared_data
 def test_what_is_held_out_or_tested_is_never_trained_on(prepared_data):
     for dataset, count in (("modelnet40", 9843), ("7scenes", 296)):
         trainable = LatentCemTraining({**SMALL, "dataset": dataset, "held_out": 50}, data=prepared_data)
-        trained, held_out = trainable._split
+        trained, held_out = trainable._clouds.trained, trainable._clouds.validated
         assert (len(trained), len(held_out)) == (count - 50, 50)
         assert not set(trained) & set(held_out)
     train, test = split_scans(open_dataset("7scenes", prepared_data).splits["scans"].ids)

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regbench.contract import Problem
+from regbench.geometry.local_frame import LocalFrame
 from regbench.geometry.se3 import se3
-
-from .local_frame import LocalFrame
 
 Start: TypeAlias = Literal["centroid", "identity", "prior"]
 
