@@ -165,6 +165,10 @@ class Registrar:
         """Return the files, such as weights, that the answers depend on: where one changes, rows are made anew."""
         return ()
 
+    def training(self) -> str | None:
+        """Return how the weights in use were trained, in a few words: supervision and budget. Tables print it."""
+        return None
+
     def __repr__(self) -> str:
         from regbench.parameters import parameters_of
 

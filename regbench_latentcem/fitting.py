@@ -151,6 +151,7 @@ def fit(data: Path, folder: Path, shapes: int = FITTED) -> None:
     hours = (time.monotonic() - started) / 3600
     after = validated(encoder, matcher, dataset)
     card: dict[str, Any] = {
+        "supervision": "unsupervised",
         "trains": "latentcem",
         "data": f"modelnet40, {dataset.sha256}",
         "split": f"train: {shapes} shapes fitted, {VALIDATED} others validated, no label of a protocol's pair",

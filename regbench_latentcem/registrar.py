@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from regbench.contract import MotionPrior, Problem, Registrar, Registration
 from regbench.geometry.local_frame import LocalFrame
 from regbench.geometry.se3 import rotation_from_euler_deg, se3
+from regbench.learning.training_words import training_words
 
 if TYPE_CHECKING:
     from .planner import Plan
@@ -115,6 +116,13 @@ class LatentCem(Registrar):
         name = named(self.model, self.weights)
         files = [] if name == "none" else [weight_files().file(name)]
         return files + ([matcher_path()] if self.refine == "verify" and self.matches else [])
+
+    def training(self) -> str | None:
+        """Return what the weights' card says of their training."""
+        from .weight_files import named, weight_files
+
+        name = named(self.model, self.weights)
+        return None if name == "none" else training_words(weight_files().file(name))
 
     def register(self, problem: Problem) -> Registration:
         """Estimate T_target_source.

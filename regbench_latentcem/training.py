@@ -155,6 +155,7 @@ class LatentCemTraining(Trainable):
         return {
             "method": "latentcem",
             "model": "paper",
+            "supervision": "unsupervised",
             "configuration": self.configuration.as_card(),
             "data": self._clouds.card(),
         }

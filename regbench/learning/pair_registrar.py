@@ -13,6 +13,7 @@ from regbench.geometry.local_frame import LocalFrame
 from regbench.geometry.se3 import nearest_rigid, transform
 from regbench.geometry.starts import Start, skip_without_prior, start_of
 from regbench.geometry.thinning import drawn
+from regbench.learning.training_words import training_words
 from regbench.learning.weight_files import WeightFiles
 
 if TYPE_CHECKING:
@@ -79,6 +80,10 @@ class PairRegistrar(Registrar):
     def data_files(self) -> list[Path]:
         """Return the weight file in use."""
         return [self.files.file(self.weights)]
+
+    def training(self) -> str | None:
+        """Return what the weights' card says of their training."""
+        return training_words(self.files.file(self.weights))
 
     def register(self, problem: Problem) -> Registration:
         """Estimate T_target_source.

@@ -21,7 +21,7 @@ def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> s
             *("method", "protocol", "n", "planned", "failures"),
             *(f"failures_{kind}" for kind in kinds),
             *(metric.key for metric in metrics),
-            *("kind", "sees_ground_truth", "n_truth", "note"),
+            *("kind", "sees_ground_truth", "training", "n_truth", "note"),
         ]
     )
     for row in rows:
@@ -34,7 +34,7 @@ def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> s
                 *(row[key] for key in ("method", "protocol", "n", "planned")),
                 *counts,
                 *(row.get(metric.key) for metric in metrics),
-                *(row[key] for key in ("kind", "sees_ground_truth", "n_truth", "note")),
+                *(row.get(key) for key in ("kind", "sees_ground_truth", "training", "n_truth", "note")),
             ]
         )
     return output.getvalue().rstrip("\n")

@@ -152,6 +152,8 @@ def _answered(row: Row) -> bool:
 def _method_remarks(row: Row) -> list[str]:
     """Return what a reader must know of a method."""
     remarks = ["sees the ground truth"] if row["sees_ground_truth"] else []
+    if row.get("training"):
+        remarks.append(f"learned: {row['training']}")
     if row["kind"] == "published" and not row["impossible"] and row["note"]:
         remarks.append(row["note"])
     return remarks

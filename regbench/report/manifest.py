@@ -17,7 +17,8 @@ SETTINGS = ("seed", "threads", "device")
 class MethodInfo:
     """A method of a run: its name as asked for, its kind, the hash that says which rows are its own, and its settings.
 
-    Settings are what of a run's options changes answers or times: seed, threads, device, in words.
+    Settings are what of a run's options changes answers or times: seed, threads, device, in words. `training` is how
+    its weights were trained, in words, or None.
     """
 
     method: str
@@ -25,6 +26,7 @@ class MethodInfo:
     sees_ground_truth: bool
     fingerprint: str
     settings: str = ""
+    training: str | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,12 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
     settings = ", ".join(f"{option} {config[option]}" for option in SETTINGS if option in config)
     methods = {
         row["method"]: MethodInfo(
-            row["method"], row["kind"], bool(row["sees_ground_truth"]), row["fingerprint"], settings
+            row["method"],
+            row["kind"],
+            bool(row["sees_ground_truth"]),
+            row["fingerprint"],
+            settings,
+            row.get("training"),
         )
         for row in rows
     }

@@ -32,7 +32,8 @@ def summarise(run: RunData, cloud_errors: CloudErrors | None = None) -> list[Row
 
     Returns:
         Rows with the keys method, protocol, n (trials scored), failures (by status, those that occur), then every
-        metric; then kind, sees_ground_truth, planned (trials), n_truth (trials of known truth), note.
+        metric; then kind, sees_ground_truth, training (of its weights, in words), planned (trials), n_truth (trials of
+        known truth), note.
     """
     return [summarise_group(group, run, cloud_errors or {}) for group in run.groups]
 
@@ -54,6 +55,7 @@ def summarise_group(group: Group, run: RunData, cloud_errors: CloudErrors) -> Ro
         **figures,
         "kind": group.method.kind,
         "sees_ground_truth": group.method.sees_ground_truth,
+        "training": group.method.training,
         "planned": group.planned,
         "n_truth": len(samples.rotation_errors_deg),
         "note": None,

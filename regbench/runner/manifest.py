@@ -14,6 +14,7 @@ from typing import Any
 
 import regbench
 from regbench.files import write_atomically
+from regbench.registry import Method
 from regbench.runner.plan import Plan
 
 PACKAGES = ("numpy", "scipy", "numba", "torch", "open3d", "small_gicp", "kiss-icp", "pandas", "h5py")
@@ -91,6 +92,7 @@ def describe(plan: Plan, command: list[str]) -> dict[str, Any]:
                 "parameters": planned.method.parameters,
                 "version": str(planned.method.trait("version")),
                 "fingerprint": planned.fingerprint,
+                "training": _training(planned.method),
             }
             for planned in plan.methods
         ],
@@ -108,6 +110,12 @@ def describe(plan: Plan, command: list[str]) -> dict[str, Any]:
             for planned in plan.protocols
         ],
     }
+
+
+def _training(method: Method) -> str | None:
+    """Return what a method says of its weights' training; it need not derive from Registrar."""
+    words = getattr(method.cls, "training", None)
+    return words(method.cls(**method.parameters)) if words else None
 
 
 def write(path: Path, manifest: dict[str, Any]) -> None:

@@ -218,3 +218,13 @@ def test_latex_has_dashes_where_a_method_was_not_run(tmp_path):
     assert lines[2].startswith("icp & 0.0000")
     assert lines[2].endswith(r"& 0 & -- & -- & -- & -- & -- \\")
     assert lines[3].startswith("fgr & -- & -- & -- & -- & -- & 0.0000")
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_how_a_learned_method_was_trained_is_said_in_every_format(tmp_path, format):
+    learned = method("idam", kind="learned") | {"training": "supervised, 64,000 samples, 1.2 h on Test CPU"}
+    p = protocol("demo@1", [motion()])
+    methods = [learned, method("fgr")]
+    run = write_run(tmp_path, methods, [p], [row(m, p, 0, motion(), time_ms=1.0) for m in methods])
+    text = render([run], format=format)
+    assert text.count("supervised, 64,000 samples, 1.2 h on Test CPU") == 1
