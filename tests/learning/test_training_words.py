@@ -5,9 +5,9 @@ import subprocess
 import sys
 
 import pytest
-from regbench_latentcem.registrar import LatentCem
 
 from regbench.learning.training_words import training_words
+from regbench_latentcem.registrar import LatentCem
 
 CARD = {
     "supervision": "supervised",
