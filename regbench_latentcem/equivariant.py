@@ -13,6 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from regbench.learning.layers.weighted_kabsch import rotation_of_covariance
+
 from .actions import rotations_of
 from .invariants import GROUPS, INVARIANTS, local_invariants
 from .planner import Reward
@@ -100,10 +102,7 @@ def closed_form(source: VectorState, target: VectorState) -> tuple[Tensor, Tenso
     The rotation minimises the sum over c of |R z_X - z_Y|^2 (Kabsch 1976, without centring: these are vectors, not
     points); the translation then maps centroid onto centroid.
     """
-    U, _, Vt = torch.linalg.svd(target.vectors.transpose(1, 2) @ source.vectors)
-    signs = torch.ones_like(U[:, 0])
-    signs[:, 2] = torch.linalg.det(U @ Vt)
-    rotations = U * signs[:, None, :] @ Vt
+    rotations = rotation_of_covariance(target.vectors.transpose(1, 2) @ source.vectors)
     return rotations, target.centroid - (rotations @ source.centroid[:, :, None]).squeeze(2)
 
 
