@@ -8,6 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+# Channels of a layer that are made and searched at a time.
+CHANNELS = 256
+
 
 def linear_max(points: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     """Return the maximum over points of W x + b, as (points @ weight.T + bias).amax(dim=1) does.
@@ -27,12 +30,32 @@ def linear_max(points: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     return highest
 
 
+def linear_winners(points: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the maximum over points of W x, and which point has it, without gradients.
+
+    Args:
+        points: (B, N, F) floating point, B >= 1 and N >= 1.
+        weight: (C, F).
+
+    Returns:
+        The maxima, (B, C), and the points' indices, (B, C) int64.
+    """
+    with torch.no_grad():
+        if points.device.type != "cpu":
+            highest, winners = functional.linear(points, weight).max(dim=1)
+            return highest, winners
+        # Cloud by cloud, some channels at a time: the values stay in the cache and are never all in memory. In rows
+        # of 1,024 channels torch's search for the place of a maximum takes longer than the product.
+        parts = torch.split(weight, CHANNELS)
+        found = [functional.linear(cloud, part).max(dim=0) for cloud in points for part in parts]
+        highest, winners = (torch.cat([each[i] for each in found]).view(len(points), -1) for i in (0, 1))
+        return highest, winners
+
+
 class _LinearMax(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, points: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-        # Cloud by cloud: its values stay in the cache, and are never all in memory.
-        found = [functional.linear(cloud, weight).max(dim=0) for cloud in points]
-        highest, winners = (torch.stack([each[part] for each in found]) for part in (0, 1))
+        highest, winners = linear_winners(points, weight)
         ctx.save_for_backward(points, weight, winners)
         return highest + bias
 

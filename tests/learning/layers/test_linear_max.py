@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from regbench.learning.layers.linear_max import linear_max
+from regbench.learning.layers.linear_max import linear_max, linear_winners
 
 
 def case(dtype):
@@ -30,3 +30,12 @@ def test_one_point_that_wins_twice_gets_both_gradients():
     points = torch.tensor([[[1.0], [0.0]]], requires_grad=True)
     linear_max(points, torch.tensor([[2.0], [3.0]]), torch.zeros(2)).sum().backward()
     assert points.grad.flatten().tolist() == [5.0, 0.0]
+
+
+def test_winners_are_where_the_maxima_are_in_layers_of_any_width():
+    generator = torch.Generator().manual_seed(0)
+    points, weight = torch.randn(2, 40, 5, generator=generator), torch.randn(600, 5, generator=generator)
+    highest, winners = linear_winners(points, weight)
+    values = points @ weight.T
+    torch.testing.assert_close(highest, values.amax(dim=1))
+    assert torch.equal(winners, values.argmax(dim=1))
