@@ -8,8 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from regbench.learning.layers.linear_max import linear_winners
-from regbench.learning.layers.pointnet import Layer, per_point
+from regbench.learning.layers.pointnet import Layer, winning_points
 
 
 def pointnet_jacobian(layers: Sequence[Layer], points: Tensor) -> tuple[Tensor, Tensor]:
@@ -29,13 +28,8 @@ def pointnet_jacobian(layers: Sequence[Layer], points: Tensor) -> tuple[Tensor, 
         Features, (B, K), and Jacobians, (B, K, 6), columns in the order of `se3_exp`: rotation, then translation.
     """
     *hidden, (last_weight, last_bias) = layers
-    clouds, count, _ = points.shape
-    with torch.no_grad():
-        winners = linear_winners(per_point(hidden, points), last_weight)[1]
-        winners += count * torch.arange(clouds, device=points.device)[:, None]
-        chosen, of_feature = torch.unique(winners, return_inverse=True)
-
-    x = values = points.flatten(0, 1)[chosen]  # (P, 3)
+    x, of_feature = winning_points(layers, points)  # (P, 3)
+    values = x
     slopes = torch.eye(3).to(points).expand(len(x), 3, 3)  # row i: the derivative of `values` by x_i
     for weight, bias in hidden:
         values = functional.linear(values, weight, bias).relu()

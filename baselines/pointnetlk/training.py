@@ -1,0 +1,69 @@
+"""What PointNetLK brings to `regbench train pointnetlk`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar, Literal, cast
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+
+from regbench.learning.layers.lucas_kanade import lucas_kanade
+from regbench.learning.training.pair_trainable import PairSettings, PairTrainable
+
+from .network import WIDTHS, PointNetLkNetwork, update_statistics
+from .registrar import FILES
+
+
+class Settings(PairSettings):
+    """The [method] table of a recipe.
+
+    Attributes:
+        widths: Of the PointNet's layers.
+        normalisation: Of each layer.
+        iterations: Of the loop that the loss goes through.
+        each: Whether every iteration's motion is in the loss, not the last alone.
+        pose_weight: Of the pose loss (16 in the paper: its mean over the 16 entries is a sum).
+        feature_weight: Of the feature residual.
+    """
+
+    widths: list[int] = Field(list(WIDTHS), min_length=1)
+    normalisation: Literal["batch", "none"] = "batch"
+    iterations: int = Field(10, ge=1)
+    each: bool = False
+    pose_weight: float = Field(16.0, ge=0)
+    feature_weight: float = Field(1.0, ge=0)
+
+
+class PointNetLkTraining(PairTrainable):
+    """Trains on true motions, through the loop (Aoki et al. 2019, section 3.3)."""
+
+    name = "pointnetlk"
+    supervision = "supervised"
+    recipes: ClassVar[Path | None] = FILES.folder
+    default_recipe: ClassVar[str | None] = "modelnet40"
+    settings_class = Settings
+
+    def configuration(self) -> dict[str, Any]:
+        """Return the network's arguments."""
+        table = cast(Settings, self.table)
+        return {"widths": table.widths, "normalisation": table.normalisation}
+
+    def network(self) -> PointNetLkNetwork:
+        """Return the network."""
+        return PointNetLkNetwork(**self.configuration())
+
+    def losses(self, network: nn.Module, batch: dict[str, Tensor], progress: float) -> dict[str, Tensor]:
+        """Return the pose loss |G G_true^-1 - I|^2 and the mean square of the last feature residual."""
+        table, encoder = cast(Settings, self.table), cast(PointNetLkNetwork, network).encoder
+        source, target = batch["source"], batch["target"]
+        if table.normalisation == "batch":
+            update_statistics(encoder, (source, target))
+        visited, residual = lucas_kanade(encoder.folded(), source, target, iterations=table.iterations)
+        motions = torch.stack(visited if table.each else visited[-1:])
+        off = motions @ torch.linalg.inv(batch["T_target_source"]) - torch.eye(4).to(source)
+        return {
+            "pose": table.pose_weight * off.square().mean(),
+            "feature": table.feature_weight * residual.square().mean(),
+        }
