@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-import torch
 from torch import Tensor
 
 from regbench.learning.layers.lucas_kanade import lucas_kanade
@@ -32,17 +31,3 @@ class PointNetLkNetwork(PairNetwork):
         """Return the motions of a batch; see `PairNetwork.align`. Options are those of `lucas_kanade`."""
         visited, residual = lucas_kanade(self.encoder.folded(), source, target, **{"iterations": 10, **options})
         return Alignment(visited[-1], len(visited), -residual.square().mean(dim=1).sqrt())
-
-
-def update_statistics(encoder: PointNet, clouds: Sequence[Tensor]) -> None:
-    """Let BatchNorm's running statistics follow some clouds: the loop itself runs in evaluation mode (section 3.3).
-
-    Args:
-        encoder: Left in evaluation mode.
-        clouds: (B, N, 3) each.
-    """
-    encoder.train()
-    with torch.no_grad():
-        for cloud in clouds:
-            encoder.features(cloud)
-    encoder.eval()

@@ -9,28 +9,41 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from regbench.learning.layers.lucas_kanade import lucas_kanade
+from regbench.learning.layers.lucas_kanade import lucas_kanade, pose_loss
+from regbench.learning.layers.pointnet import update_statistics
 from regbench.learning.training.pair_trainable import PairSettings, PairTrainable
 
-from .network import WIDTHS, PointNetLkNetwork, update_statistics
+from .network import WIDTHS, PointNetLkNetwork
 from .registrar import FILES
 
 
-class Settings(PairSettings):
-    """The [method] table of a recipe.
+class EncoderSettings(PairSettings):
+    """What PointNetLK and FMR have in common.
 
     Attributes:
         widths: Of the PointNet's layers.
         normalisation: Of each layer.
-        iterations: Of the loop that the loss goes through.
-        each: Whether every iteration's motion is in the loss, not the last alone.
-        pose_weight: Of the pose loss (16 in the paper: its mean over the 16 entries is a sum).
-        feature_weight: Of the feature residual.
+        iterations: Of the loop that the pose loss goes through.
     """
 
     widths: list[int] = Field(list(WIDTHS), min_length=1)
     normalisation: Literal["batch", "none"] = "batch"
     iterations: int = Field(10, ge=1)
+
+    def configuration(self) -> dict[str, Any]:
+        """Return the network's arguments."""
+        return {"widths": self.widths, "normalisation": self.normalisation}
+
+
+class Settings(EncoderSettings):
+    """The [method] table of a recipe.
+
+    Attributes:
+        each: Whether every iteration's motion is in the loss, not the last alone.
+        pose_weight: Of the pose loss (16 in the paper: its mean over the 16 entries is a sum).
+        feature_weight: Of the feature residual.
+    """
+
     each: bool = False
     pose_weight: float = Field(16.0, ge=0)
     feature_weight: float = Field(1.0, ge=0)
@@ -47,8 +60,7 @@ class PointNetLkTraining(PairTrainable):
 
     def configuration(self) -> dict[str, Any]:
         """Return the network's arguments."""
-        table = cast(Settings, self.table)
-        return {"widths": table.widths, "normalisation": table.normalisation}
+        return cast(Settings, self.table).configuration()
 
     def network(self) -> PointNetLkNetwork:
         """Return the network."""
@@ -59,11 +71,10 @@ class PointNetLkTraining(PairTrainable):
         table, encoder = cast(Settings, self.table), cast(PointNetLkNetwork, network).encoder
         source, target = batch["source"], batch["target"]
         if table.normalisation == "batch":
-            update_statistics(encoder, (source, target))
+            update_statistics(encoder, torch.cat([source, target]))
         visited, residual = lucas_kanade(encoder.folded(), source, target, iterations=table.iterations)
         motions = torch.stack(visited if table.each else visited[-1:])
-        off = motions @ torch.linalg.inv(batch["T_target_source"]) - torch.eye(4).to(source)
         return {
-            "pose": table.pose_weight * off.square().mean(),
+            "pose": table.pose_weight * pose_loss(motions, batch["T_target_source"]),
             "feature": table.feature_weight * residual.square().mean(),
         }

@@ -88,3 +88,14 @@ def numerical_jacobian(layers: Sequence[Layer], points: Tensor, features: Tensor
         T = se3_exp(twist[None])[0]
         columns.append((pooled(layers, points @ T[:3, :3].T + T[:3, 3]) - features) / step)
     return torch.stack(columns, dim=2)
+
+
+def pose_loss(T_target_source: Tensor, truth: Tensor) -> Tensor:
+    """Return the mean square of the entries of T truth^-1 - I (Aoki et al. 2019, Eq. 8, as a mean of 16).
+
+    Args:
+        T_target_source: (..., 4, 4).
+        truth: (B, 4, 4), broadcast over the first axes.
+    """
+    loss: Tensor = (T_target_source @ torch.linalg.inv(truth) - torch.eye(4).to(truth)).square().mean()
+    return loss

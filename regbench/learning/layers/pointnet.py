@@ -66,6 +66,17 @@ class PointNet(nn.Module):
         ]
 
 
+def update_statistics(encoder: PointNet, clouds: Tensor) -> None:
+    """Let BatchNorm's running statistics follow (B, N, C) clouds, and leave the encoder in evaluation mode.
+
+    For losses through a loop that runs in evaluation mode, as PointNetLK's does (Aoki et al. 2019, section 3.3).
+    """
+    encoder.train()
+    with torch.no_grad():
+        encoder.features(clouds)
+    encoder.eval()
+
+
 def per_point(layers: Sequence[Layer], points: Tensor) -> Tensor:
     """Map (B, N, C) points to ReLU(W x + b) of one layer after the other, (B, N, K)."""
     for weight, bias in layers:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import tempfile
 from collections.abc import Callable, Iterator
@@ -52,10 +53,11 @@ def _batch(trainable: Trainable) -> dict[str, Tensor]:
 
 
 def _losses(trainable: Trainable) -> Iterator[str]:
-    network = trainable.network()
-    batch = _batch(trainable)
+    fresh, batch = trainable.network(), _batch(trainable)
     totals = []
     for _ in range(2):
+        # A copy: running statistics may change with every call.
+        network = copy.deepcopy(fresh)
         seed_torch(0, STEP)
         totals.append(LossMeter().add(1, trainable.losses(network, batch, 0.0)))
     if not torch.equal(*totals):
@@ -63,7 +65,7 @@ def _losses(trainable: Trainable) -> Iterator[str]:
     if not bool(torch.isfinite(totals[0])):
         yield f"losses: their sum is {totals[0].item()} with fresh weights"
     weights = {name: weight for name, weight in network.named_parameters() if weight.requires_grad}
-    gradients = torch.autograd.grad(totals[0], list(weights.values()), allow_unused=True)
+    gradients = torch.autograd.grad(totals[1], list(weights.values()), allow_unused=True)
     without = [name for name, gradient in zip(weights, gradients, strict=True) if gradient is None]
     if without:
         yield f"losses: no gradient reaches the weight '{without[0]}' ({len(without)} such)"
