@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal, cast
 
@@ -13,6 +14,7 @@ from regbench.learning.layers.lucas_kanade import lucas_kanade, pose_loss
 from regbench.learning.layers.pointnet import update_statistics
 from regbench.learning.training.pair_trainable import PairSettings, PairTrainable
 
+from .checkpoints import renamed_pointnet
 from .network import WIDTHS, PointNetLkNetwork
 from .registrar import FILES
 
@@ -65,6 +67,11 @@ class PointNetLkTraining(PairTrainable):
     def network(self) -> PointNetLkNetwork:
         """Return the network."""
         return PointNetLkNetwork(**self.configuration())
+
+    @classmethod
+    def renamed(cls, state: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """Return our tensors of PointNetLK's or PointNetLK Revisited's; see `Trainable.renamed`."""
+        return renamed_pointnet(state)
 
     def losses(self, network: nn.Module, batch: dict[str, Tensor], progress: float) -> dict[str, Tensor]:
         """Return the pose loss |G G_true^-1 - I|^2 and the mean square of the last feature residual."""

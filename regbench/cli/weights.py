@@ -79,3 +79,27 @@ def record(
         print(f"left out: {line}")
     if not found and not left_out:
         print("no method of these runs has weights")
+
+
+@app.command("import")
+def import_(
+    method: Annotated[str, typer.Argument(help="The method, e.g. pointnetlk.")],
+    file: Annotated[Path, typer.Argument(help="An original implementation's checkpoint (torch.save).")],
+    out: Annotated[Path | None, typer.Option(help="File to write (else FILE's name with .safetensors, here).")] = None,
+    plugin: Annotated[list[Path] | None, typer.Option("--plugin", help="Python file with the method.")] = None,
+) -> None:
+    """Read an original checkpoint: names are mapped, shapes checked, and a card names the source."""
+    from regbench.learning.checkpoint_import import import_checkpoint
+    from regbench.registry import MethodRegistry, TrainableRegistry, parse_methods
+
+    trainable = TrainableRegistry(plugin or []).find(method)
+    found = MethodRegistry(plugin or []).resolve(parse_methods([method])[0])
+    path = out or Path(file.with_suffix(".safetensors").name)
+    import_checkpoint(
+        file,
+        path,
+        method=method,
+        renamed=trainable.renamed,  # type: ignore[attr-defined]  # a Trainable, found by its methods
+        check=lambda weights: found.cls(weights=str(weights)).prepare(),
+    )
+    print(f'{path}: for --method "{method}[weights={path}]"')

@@ -83,6 +83,18 @@ class Trainable(ABC):
         """Return what the weight file holds."""
         return dict(network.state_dict())
 
+    @classmethod
+    def renamed(cls, state: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """Return our tensors and the network's configuration, of an original implementation's state_dict.
+
+        For `regbench weights import`.
+
+        Raises:
+            KeyError: A tensor that every such network has is missing.
+            ValueError: It is of no network that is known here; the message says why.
+        """
+        raise ValueError("no other implementation's names are known")
+
     def load(self, network: nn.Module, weights: Weights) -> None:
         """Copy a weight file's tensors into the network: the inverse of `tensors`.
 
