@@ -64,7 +64,7 @@ class FmrTraining(PairTrainable):
         losses = {"chamfer": chamfer_distance(model.rebuilt(pooled(layers, clouds)), clouds).mean()}
         if table.pose_weight:
             visited, _ = lucas_kanade(layers, batch["source"], batch["target"], iterations=table.iterations)
-            losses["pose"] = table.pose_weight * pose_loss(visited[-1], batch["T_target_source"])
+            losses["pose"] = table.pose_weight * pose_loss(visited[-1], batch["T_target_source"]).mean()
         return losses
 
     def tensors(self, network: nn.Module) -> dict[str, Tensor]:

@@ -20,8 +20,8 @@ class PointNetLk(PairRegistrar):
     """PointNetLK (Aoki et al. 2019): the source is moved until its PointNet feature is the target's.
 
     Ours has the analytical Jacobian of PointNetLK Revisited (Li et al. 2021), which six more passes of the network only
-    approximate, and goes on until the motion settles. The `confidence` is minus the root mean square of the features'
-    difference.
+    approximate; takes back updates that make the features' difference larger; and goes on until the motion settles. The
+    `confidence` is minus the root mean square of that difference.
 
     Args:
         weights: Name of the weights in this package, or a path that ends in .safetensors.
@@ -30,22 +30,26 @@ class PointNetLk(PairRegistrar):
         iterations: Most updates.
         jacobian: "analytical" or "numerical".
         step: Twists of "numerical", rad and extents of the target.
+        descent: Whether updates that make the features' difference larger are taken back.
         tolerance: Stop where no component of an update is larger, rad and extents of the target.
         max_points: Points of each cloud that the network sees, at most; of larger clouds so many are drawn.
     """
 
     name = "pointnetlk"
     files: ClassVar[WeightFiles] = FILES
-    presets: ClassVar = {"paper": {"iterations": 10, "jacobian": "numerical", "step": 1e-2, "tolerance": 1e-7}}
+    presets: ClassVar = {
+        "paper": {"iterations": 10, "jacobian": "numerical", "step": 1e-2, "descent": False, "tolerance": 1e-7}
+    }
 
     def __init__(
         self,
         *,
         weights: str = "modelnet40",
         init: Start = "centroid",
-        iterations: int = 20,
+        iterations: int = 30,
         jacobian: Literal["analytical", "numerical"] = "analytical",
         step: float = 1e-2,
+        descent: bool = True,
         tolerance: float = 1e-5,
         max_points: int = 5000,
     ) -> None:
@@ -54,6 +58,7 @@ class PointNetLk(PairRegistrar):
         self.iterations = iterations
         self.jacobian = jacobian
         self.step = step
+        self.descent = descent
         self.tolerance = tolerance
         self.max_points = max_points
 
@@ -69,5 +74,6 @@ class PointNetLk(PairRegistrar):
             "iterations": self.iterations,
             "jacobian": self.jacobian,
             "step": self.step,
+            "descent": self.descent,
             "tolerance": self.tolerance,
         }

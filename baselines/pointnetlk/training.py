@@ -42,12 +42,13 @@ class Settings(EncoderSettings):
 
     Attributes:
         each: Whether every iteration's motion is in the loss, not the last alone.
-        pose_weight: Of the pose loss (16 in the paper: its mean over the 16 entries is a sum).
+        robust: Whether log(1 + .) of a pair's pose loss is minimised: the gradient through a loop that went astray is
+            as large as it is meaningless.
         feature_weight: Of the feature residual.
     """
 
     each: bool = False
-    pose_weight: float = Field(16.0, ge=0)
+    robust: bool = False
     feature_weight: float = Field(1.0, ge=0)
 
 
@@ -74,14 +75,15 @@ class PointNetLkTraining(PairTrainable):
         return renamed_pointnet(state)
 
     def losses(self, network: nn.Module, batch: dict[str, Tensor], progress: float) -> dict[str, Tensor]:
-        """Return the pose loss |G G_true^-1 - I|^2 and the mean square of the last feature residual."""
+        """Return the mean of |G G_true^-1 - I|^2 and the mean square of the last feature residual."""
         table, encoder = cast(Settings, self.table), cast(PointNetLkNetwork, network).encoder
         source, target = batch["source"], batch["target"]
         if table.normalisation == "batch":
             update_statistics(encoder, torch.cat([source, target]))
         visited, residual = lucas_kanade(encoder.folded(), source, target, iterations=table.iterations)
         motions = torch.stack(visited if table.each else visited[-1:])
+        pose = pose_loss(motions, batch["T_target_source"])
         return {
-            "pose": table.pose_weight * pose_loss(motions, batch["T_target_source"]),
+            "pose": (pose.log1p() if table.robust else pose).mean(),
             "feature": table.feature_weight * residual.square().mean(),
         }

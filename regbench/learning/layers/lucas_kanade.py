@@ -14,9 +14,10 @@ from regbench.learning.layers.se3_exponential import se3_exp
 
 Jacobian = Literal["analytical", "numerical"]
 
-# Added to the normal matrix, as a share of its mean diagonal: a cloud on a line does not determine all six parameters.
-DAMPING = 1e-6
-TINY = 1e-12
+# Always added to the normal matrix's diagonal, as a share of its mean.
+LEAST_DAMPING, TINY = 1e-6, 1e-12
+# With descent: added to it as a share of itself, at first; and by what this changes after a good and a bad update.
+FIRST_DAMPING, SMALLER, LARGER = 1e-2, 0.3, 5.0
 
 
 def lucas_kanade(
@@ -27,6 +28,7 @@ def lucas_kanade(
     iterations: int,
     jacobian: Jacobian = "analytical",
     step: float = 1e-2,
+    descent: bool = False,
     tolerance: float = 0.0,
 ) -> tuple[list[Tensor], Tensor]:
     """Move the source until its features are the target's (Aoki et al. 2019, Eq. 2 to 6).
@@ -41,11 +43,13 @@ def lucas_kanade(
         iterations: Most updates.
         jacobian: "analytical" (Li et al. 2021); or "numerical", from six more clouds, each twisted by `step`.
         step: Of "numerical", rad and the clouds' unit.
+        descent: Whether an update that does not make the features' difference smaller is taken back, and the next
+            one made smaller (Marquardt 1963); else every update counts, as in the papers.
         tolerance: Stop where no component of any xi is larger.
 
     Returns:
-        T_target_source after each update, (B, 4, 4) each; and the feature residual f(target) - f(T source) before the
-        last update, (B, K).
+        T_target_source after each update, (B, 4, 4) each; and the features' difference f(target) - f(T source), (B, K),
+        of the motion before the last update; with `descent`, of the answer.
 
     Raises:
         ValueError: `iterations` is less than 1.
@@ -59,19 +63,31 @@ def lucas_kanade(
         J = numerical_jacobian(layers, target, features, step)
     transposed = J.transpose(1, 2)
     normal = transposed @ J
-    mean = normal.diagonal(dim1=1, dim2=2).mean(dim=1)
-    factor = torch.linalg.cholesky(normal + torch.diag_embed((DAMPING * mean + TINY)[:, None].expand(-1, 6)))
-    T = torch.eye(4).to(source).expand(len(source), 4, 4)
+    diagonal = normal.diagonal(dim1=1, dim2=2)
+    # Of a cloud on a line the features do not determine all six parameters.
+    least = torch.diag_embed((LEAST_DAMPING * diagonal.mean(dim=1) + TINY)[:, None].expand(-1, 6))
+    damping = torch.full_like(diagonal[:, :1], FIRST_DAMPING)
+    T = torch.eye(4).to(source).repeat(len(source), 1, 1)
+    residual = features - pooled(layers, source)
     visited: list[Tensor] = []
-    for _ in range(iterations):
-        moved = source @ T[:, :3, :3].transpose(1, 2) + T[:, None, :3, 3]
-        residual = features - pooled(layers, moved)
+    while True:
+        damped = torch.diag_embed(damping * diagonal) if descent else 0.0
+        factor = torch.linalg.cholesky(normal + least + damped)
         xi = torch.cholesky_solve(transposed @ residual[:, :, None], factor)[:, :, 0]
-        T = se3_exp(xi) @ T
+        moved = se3_exp(xi) @ T
+        last = len(visited) == iterations - 1 or (tolerance > 0 and float(xi.detach().abs().max()) <= tolerance)
+        if last and not descent:
+            return [*visited, moved], residual
+        residual_moved = features - pooled(layers, source @ moved[:, :3, :3].transpose(1, 2) + moved[:, None, :3, 3])
+        if descent:
+            better = residual_moved.square().sum(dim=1) < residual.square().sum(dim=1)
+            moved = torch.where(better[:, None, None], moved, T)
+            residual_moved = torch.where(better[:, None], residual_moved, residual)
+            damping = torch.where(better[:, None], SMALLER * damping, LARGER * damping)
+        T, residual = moved, residual_moved
         visited.append(T)
-        if tolerance > 0 and float(xi.detach().abs().max()) <= tolerance:
-            break
-    return visited, residual
+        if last:
+            return visited, residual
 
 
 def numerical_jacobian(layers: Sequence[Layer], points: Tensor, features: Tensor, step: float) -> Tensor:
@@ -91,11 +107,11 @@ def numerical_jacobian(layers: Sequence[Layer], points: Tensor, features: Tensor
 
 
 def pose_loss(T_target_source: Tensor, truth: Tensor) -> Tensor:
-    """Return the mean square of the entries of T truth^-1 - I (Aoki et al. 2019, Eq. 8, as a mean of 16).
+    """Return the sum of squares of the entries of T truth^-1 - I for each motion (Aoki et al. 2019, Eq. 8), (..., B).
 
     Args:
-        T_target_source: (..., 4, 4).
-        truth: (B, 4, 4), broadcast over the first axes.
+        T_target_source: (..., B, 4, 4).
+        truth: (B, 4, 4).
     """
-    loss: Tensor = (T_target_source @ torch.linalg.inv(truth) - torch.eye(4).to(truth)).square().mean()
-    return loss
+    off: Tensor = T_target_source @ torch.linalg.inv(truth) - torch.eye(4).to(truth)
+    return off.square().sum(dim=(-1, -2))

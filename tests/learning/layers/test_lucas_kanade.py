@@ -76,7 +76,7 @@ def test_gradients_go_through_the_loop():
     weight = next(network.parameters())
 
     def loss():
-        return pose_loss(lucas_kanade(network.folded(), source, target, iterations=3)[0][-1], truth)
+        return pose_loss(lucas_kanade(network.folded(), source, target, iterations=3)[0][-1], truth).sum()
 
     loss().backward()
     step = 1e-6
@@ -93,3 +93,18 @@ def test_gradients_go_through_the_loop():
 def test_no_iteration_is_refused(layers):
     with pytest.raises(ValueError, match="iterations"):
         lucas_kanade(layers, *pair(), iterations=0)
+
+
+def test_with_descent_the_difference_of_features_never_grows(layers):
+    source, target = pair()
+    turned = source @ torch.from_numpy(Rotation.from_rotvec([1.0, 0.8, -0.9]).as_matrix()).T
+    visited, residual = lucas_kanade(layers, turned, target, iterations=15, descent=True)
+    features = pooled(layers, target)
+    differences = [
+        float((features - pooled(layers, turned @ T[:, :3, :3].mT + T[:, None, :3, 3])).square().sum()) for T in visited
+    ]
+    assert differences == sorted(differences, reverse=True)
+    assert float(residual.square().sum()) == pytest.approx(differences[-1])
+    np.testing.assert_allclose(
+        lucas_kanade(layers, source, target, iterations=40, descent=True)[0][-1][0], TRUTH, atol=1e-6
+    )
