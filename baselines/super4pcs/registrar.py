@@ -81,7 +81,8 @@ class Super4Pcs(Registrar):
         "partial": {"overlap": 0.5},
         # The original program's example (Super4PCS 1.1, run-example.sh: -o 0.7 -n 200) and its rules: bases as wide as
         # the overlap times the diameter, one best motion, an end by the number of trials alone, no ICP. Its -d is
-        # in scene units, 0.01 there and 5 by default, which says nothing on another scene: ours, in spacings.
+        # in scene units, 0.01 there and 5 by default, which says nothing on another scene: ours, in spacings. The
+        # probability of failure, 1e-5, is that of PCL's port.
         "paper": {
             "overlap": 0.7,
             "width": 1.0,
