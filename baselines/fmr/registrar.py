@@ -9,7 +9,7 @@ from regbench.learning.weight_files import WeightFiles
 
 from ..pointnetlk.registrar import PointNetLk
 
-FILES = WeightFiles("fmr", Path(__file__).parent / "weights")
+FILES = WeightFiles("fmr", Path(__file__).parent / "weights", default="modelnet40")
 
 
 class Fmr(PointNetLk):

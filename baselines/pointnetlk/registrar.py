@@ -13,7 +13,7 @@ from regbench.learning.weight_files import WeightFiles
 if TYPE_CHECKING:
     from .network import PointNetLkNetwork
 
-FILES = WeightFiles("pointnetlk", Path(__file__).parent / "weights")
+FILES = WeightFiles("pointnetlk", Path(__file__).parent / "weights", default="modelnet40")
 
 
 class PointNetLk(PairRegistrar):
@@ -44,7 +44,7 @@ class PointNetLk(PairRegistrar):
     def __init__(
         self,
         *,
-        weights: str = "modelnet40",
+        weights: str = "default",
         init: Start = "centroid",
         iterations: int = 30,
         jacobian: Literal["analytical", "numerical"] = "analytical",
