@@ -105,7 +105,7 @@ def learned(prepared_data, tmp_path_factory):
     torch.manual_seed(0)
     trained = trainable.network()
     optimiser = torch.optim.Adam(trained.parameters(), lr=2e-3)
-    for _ in range(200):
+    for _ in range(100):
         optimiser.zero_grad()
         sum(trainable.losses(trained, batch, 0.0).values()).backward()
         optimiser.step()

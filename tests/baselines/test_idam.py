@@ -171,13 +171,16 @@ def test_it_is_trainable(kinds, prepared_data):
 @pytest.fixture(scope="module")
 def learned(prepared_data, tmp_path_factory):
     """Four pairs, and a network that was trained on them alone."""
-    trainable = IdamTraining({**SMALL, "kinds": ["clean"], "geometry": "both", "compared": True}, data=prepared_data)
+    trainable = IdamTraining(
+        {**SMALL, "kinds": ["clean"], "geometry": "both", "compared": True, "significance_weight": 0.1},
+        data=prepared_data,
+    )
     samples = [trainable.sample(sample_generator(0, 0, index), 0.0) for index in range(4)]
     batch = {key: torch.from_numpy(np.stack([sample[key] for sample in samples])) for key in samples[0]}
     torch.manual_seed(0)
     trained = trainable.network()
-    optimiser = torch.optim.Adam(trained.parameters(), lr=2e-3)
-    for _ in range(300):
+    optimiser = torch.optim.Adam(trained.parameters(), lr=3e-3)
+    for _ in range(200):
         optimiser.zero_grad()
         sum(trainable.losses(trained, batch, 0.0).values()).backward()
         optimiser.step()
