@@ -13,7 +13,8 @@ import torch
 def as_many_as_torch() -> Iterator[None]:
     """Give numba's parallel loops torch's number of threads, and their own number back afterwards."""
     most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]  # set when numba is imported
-    before, of_torch = numba.get_num_threads(), torch.get_num_threads()
+    of_torch = torch.get_num_threads()  # read first: numba's threads begin with the next line
+    before = numba.get_num_threads()
     numba.set_num_threads(min(of_torch, most))
     try:
         yield
