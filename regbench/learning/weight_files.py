@@ -17,13 +17,16 @@ class WeightFiles:
     Attributes:
         method: Its name, for messages.
         folder: Where they lie.
+        default: The weights that the name "default" stands for.
     """
 
     method: str
     folder: Path
+    default: str = "default"
 
     def file(self, name: str) -> Path:
         """Return NAME.safetensors of the folder, or the path itself where it ends so; there or not."""
+        name = self.default if name == "default" else name
         return Path(name) if name.endswith(SUFFIX) else self.folder / f"{name}{SUFFIX}"
 
     def path(self, name: str) -> Path:
