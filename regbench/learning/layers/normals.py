@@ -13,9 +13,9 @@ from regbench.learning.layers.ball_neighbours import ball_neighbours
 def estimate_normals(points: Tensor, k: int) -> Tensor:
     """Return the direction in which the k nearest neighbours of each point vary least (Hoppe et al. 1992, section 3.2).
 
-    The sign is arbitrary: use what does not depend on it. Turned away from the clouds' centroids, the normals of a point
-    in two noisy clouds of held-out ModelNet40 training shapes, where they were alike but for the sign, had opposite
-    signs for 8 % of the points, in two crops for 14 to 20 %.
+    The sign is arbitrary: use what does not depend on it. Turned away from the clouds' centroids, a point's normals in
+    two noisy clouds of held-out ModelNet40 training shapes, where they were alike but for the sign, had opposite signs
+    for 8 % of the points, in two crops for 14 to 20 %.
 
     In float64, so that a moved copy of a cloud has the same normals. Where the neighbours lie on a line or in one
     point, any of the directions that vary least is returned.
