@@ -18,6 +18,7 @@ from regbench.learning.training.check_trainable import check_trainable
 from regbench.learning.training.seeds import sample_generator
 from regbench.learning.weights import load_weights, save_weights
 from regbench.metrics.rotation import rotation_error_deg
+from regbench.protocols.draws import DCP_PRIOR
 from regbench.registry import import_file
 from regbench.testing import assert_conforms
 from regbench.testing.clouds import body
@@ -70,7 +71,8 @@ def test_it_answers_what_a_plain_rendering_answers(normalisation):
     source = torch.from_numpy(body(200)).float()[None]
     turned = source @ torch.from_numpy(Rotation.from_rotvec([0.1, 0.0, 0.2]).as_matrix()).float().T
     torch.testing.assert_close(network.encoder(source), plain(source), atol=1e-5, rtol=1e-4)
-    ours = network.align(source, turned, iterations=5, jacobian="numerical").T_target_source
+    options = {"iterations": 5, "jacobian": "numerical", "descent": False, "from_mean": False}
+    ours = network.align(source, turned, **options).T_target_source
     torch.testing.assert_close(ours, plain.align(source, turned, iterations=5), atol=1e-4, rtol=0)
 
 
@@ -125,7 +127,7 @@ def test_a_handful_of_pairs_is_learned_to_under_a_degree(prepared_data):
 
     def errors_deg():
         with torch.no_grad():
-            answers = network.align(batch["source"], batch["target"], iterations=5).T_target_source
+            answers = network.align(batch["source"], batch["target"], from_mean=False).T_target_source
         return rotation_error_deg(*(T[:, :3, :3].double().numpy() for T in (answers, batch["T_target_source"])))
 
     before = errors_deg().mean()
@@ -135,3 +137,11 @@ def test_a_handful_of_pairs_is_learned_to_under_a_degree(prepared_data):
         sum(trainable.losses(network, batch, 0.0).values()).backward()
         optimiser.step()
     assert errors_deg().mean() < 1.0 < before
+
+
+def test_the_second_start_is_the_benchmarks_mean_rotation(untrained):
+    mean = DCP_PRIOR.mean_T_target_source()[:3, :3]
+    problem = Problem(source=body(300), target=body(300) @ mean.T)
+    one, two = (PointNetLk(weights=untrained, iterations=1, from_mean=both).register(problem) for both in (False, True))
+    np.testing.assert_allclose(two.T_target_source[:3, :3], mean, atol=1e-5)
+    assert two.confidence > one.confidence

@@ -30,6 +30,7 @@ def lucas_kanade(
     step: float = 1e-2,
     descent: bool = False,
     tolerance: float = 0.0,
+    start: Tensor | None = None,
 ) -> tuple[list[Tensor], Tensor]:
     """Move the source until its features are the target's (Aoki et al. 2019, Eq. 2 to 6).
 
@@ -46,6 +47,7 @@ def lucas_kanade(
         descent: Whether an update that does not make the features' difference smaller is taken back, and the next
             one made smaller (Marquardt 1963); else every update counts, as in the papers.
         tolerance: Stop where no component of any xi is larger.
+        start: The first T, (B, 4, 4); None: no motion.
 
     Returns:
         T_target_source after each update, (B, 4, 4) each; and the features' difference f(target) - f(T source), (B, K),
@@ -67,8 +69,8 @@ def lucas_kanade(
     # Of a cloud on a line the features do not determine all six parameters.
     least = torch.diag_embed((LEAST_DAMPING * diagonal.mean(dim=1) + TINY)[:, None].expand(-1, 6))
     damping = torch.full_like(diagonal[:, :1], FIRST_DAMPING)
-    T = torch.eye(4).to(source).repeat(len(source), 1, 1)
-    residual = features - pooled(layers, source)
+    T = torch.eye(4).to(source).repeat(len(source), 1, 1) if start is None else start
+    residual = features - pooled(layers, source @ T[:, :3, :3].transpose(1, 2) + T[:, None, :3, 3])
     visited: list[Tensor] = []
     while True:
         damped = torch.diag_embed(damping * diagonal) if descent else 0.0
