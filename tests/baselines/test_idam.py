@@ -180,10 +180,12 @@ def learned(prepared_data, tmp_path_factory):
     torch.manual_seed(0)
     trained = trainable.network()
     optimiser = torch.optim.Adam(trained.parameters(), lr=3e-3)
-    for _ in range(200):
+    slower = torch.optim.lr_scheduler.LinearLR(optimiser, 1.0, 0.01, 250)
+    for _ in range(250):
         optimiser.zero_grad()
         sum(trainable.losses(trained, batch, 0.0).values()).backward()
         optimiser.step()
+        slower.step()
     path = tmp_path_factory.mktemp("idam") / "learned.safetensors"
     save_weights(path, trained.state_dict(), trainable.card())
     return batch, trained.eval().requires_grad_(False), str(path)
