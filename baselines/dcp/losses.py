@@ -11,7 +11,7 @@ from .network import DcpNetwork, log_matches
 
 
 def dcp_losses(network: DcpNetwork, batch: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Return "pose", |R^T R_gt - I|^2 + |t - t_gt|^2 (Eq. 12, mean of a batch), and "matching" (ours).
+    """Return "pose", |R^T R_gt - I|^2 + |t - t_gt|^2 (the paper's, mean of a batch), and "matching" (ours).
 
     "matching" is the mean cross-entropy of the matches and the target point nearest to where a source point belongs.
     """

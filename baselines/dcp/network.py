@@ -43,7 +43,7 @@ class DcpNetwork(PairNetwork):
         self.decoded = nn.LayerNorm(width)
 
     def embeddings(self, source: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the clouds' embeddings, each with regard to the other, (B, N, width) and (B, M, width) (Eq. 7)."""
+        """Return the clouds' embeddings, each with regard to the other, (B, N, width) and (B, M, width)."""
         of_source, of_target = self._dgcnn(source), self._dgcnn(target)
         return of_source + self._attention(of_source, of_target), of_target + self._attention(of_target, of_source)
 
@@ -60,13 +60,13 @@ class DcpNetwork(PairNetwork):
         for _ in range(iterations):
             placed = source @ T_target_source[:, :3, :3].transpose(1, 2) + T_target_source[:, None, :3, 3]
             of_source, of_target = self.embeddings(placed, target)
-            # Eq. 8 and 9: the targets' mean, weighted by the softmax of scaled products.
+            # The targets' mean, weighted by the softmax of scaled products.
             matches = functional.scaled_dot_product_attention(of_source, of_target, target)
             T_target_source = weighted_kabsch(source, matches)
         return Alignment(T_target_source, iterations=iterations)
 
     def _dgcnn(self, points: Tensor) -> Tensor:
-        """Return the embedding of each point by its own cloud, (B, N, width) (Eq. 5)."""
+        """Return the embedding of each point by its own cloud, (B, N, width)."""
         features, found = points, []
         for layer in self.edges:
             features = layer(features, self.k)
@@ -75,13 +75,13 @@ class DcpNetwork(PairNetwork):
         return functional.leaky_relu(embedded, SLOPE)
 
     def _attention(self, of_cloud: Tensor, of_other: Tensor) -> Tensor:
-        """Return what the transformer adds to a cloud's embedding: the other encoded, this one decoded (Eq. 6)."""
+        """Return what the transformer adds to a cloud's embedding: the other encoded, this one decoded."""
         encoded = self.encoded(self.encoder(of_other))
         decoded: Tensor = self.decoded(self.decoder(of_cloud, encoded))
         return decoded
 
 
 def log_matches(of_source: Tensor, of_target: Tensor) -> Tensor:
-    """Return the logarithms of the soft matches, (B, N, M) (Eq. 8)."""
+    """Return the logarithms of the soft matches, (B, N, M)."""
     scores = of_source @ of_target.transpose(1, 2) / math.sqrt(of_source.shape[2])
     return scores.log_softmax(dim=2)

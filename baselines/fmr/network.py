@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from ..pointnetlk.network import WIDTHS, PointNetLkNetwork
 
-# Of the decoder's layers between the feature and the points (section 3.3).
+# Of the decoder's layers between the feature and the points.
 DECODER_WIDTHS = (1024, 512, 256)
 
 

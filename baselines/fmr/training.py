@@ -34,7 +34,7 @@ class Settings(EncoderSettings):
 
 
 class FmrTraining(PairTrainable):
-    """Trains encoder and decoder to rebuild both clouds of a pair (Huang et al. 2020, Eq. 7), without their motion."""
+    """Trains encoder and decoder to rebuild both clouds of a pair (Huang et al. 2020), without their motion."""
 
     name = "fmr"
     recipes: ClassVar[Path | None] = FILES.folder

@@ -44,7 +44,7 @@ class GraphLayer(nn.Module):
 
 
 class PointFeatures(nn.Module):
-    """Five graph layers of 64 channels on the 12 nearest neighbours in xyz (section 3.1, the GNN variant).
+    """Five graph layers of 64 channels on the 12 nearest neighbours in xyz (the paper's GNN variant).
 
     Args:
         geometry: What a point brings: "xyz", its place, as in the paper; "invariant" (ours), numbers that no rotation

@@ -31,7 +31,7 @@ class Sampled(NamedTuple):
 def idam_losses(
     network: IdamNetwork, batch: dict[str, Tensor], *, source_share: float, target_share: float, radius: float
 ) -> dict[str, Tensor]:
-    """Return the terms of section 3.5: "matching" (Eq. 9), "significance" (Eq. 10) and "validity" (Eq. 11).
+    """Return the paper's three terms: "matching", "significance" and "validity".
 
     Args:
         network: The network.
@@ -69,7 +69,7 @@ def idam_losses(
 def balanced_sample(
     source: Tensor, target: Tensor, T_target_source: Tensor, source_share: float, target_share: float, radius: float
 ) -> Sampled:
-    """Draw the points that a loss is taken from (section 3.5): half of the source's have a partner among the target's.
+    """Draw the points that a loss is taken from: half of the source's have a partner among the target's.
 
     Those are drawn from the source points that have one within the radius, where there are enough, and their partners
     are among the drawn targets; all others are drawn from the rest.

@@ -101,7 +101,7 @@ class IdamNetwork(PairNetwork):
 
 
 def kept(points: Points, significance: Tensor, share: float) -> Points:
-    """Return the most significant points (section 3.3, hard elimination): a share of them, of small clouds more."""
+    """Return the most significant points (hard elimination): a share of them, of small clouds more."""
     number = significance.shape[1]
     count = min(number, max(LEAST_KEPT, math.ceil(share * number)))
     if count == number:
@@ -126,6 +126,6 @@ def moved(T_target_source: Tensor, source: Points) -> Points:
 
 
 def motion(source: Tensor, matches: Tensor, validity: Tensor) -> Tensor:
-    """Return the motion of matches, weighted by their validity, but for those under its median (Eq. 6 to 8)."""
+    """Return the motion of matches, weighted by their validity, but for those under its median."""
     weights = torch.where(validity >= validity.median(dim=1, keepdim=True).values, validity, 0)
     return weighted_kabsch(source, matches, weights)

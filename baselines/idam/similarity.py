@@ -25,10 +25,10 @@ class Points(NamedTuple):
 
 
 class SimilarityConvolution(nn.Module):
-    """1 x 1 convolutions on pairs of points (section 3.2), and the validity of a source point (section 3.4).
+    """1 x 1 convolutions on pairs of points, and the validity of a source point.
 
-    A pair's features are those of its two points, their distance, and the direction from the target's to the source's
-    (Eq. 3). The first layer is linear in them: it is the sum of a part of each source point, one of each target point,
+    A pair's features are those of its two points, their distance, and the direction from the target's to the
+    source's. The first layer is linear in them: it is the sum of a part of each source point, one of each target point,
     and one of the numbers of the geometry, so that the (N x M x 132) array is never made. No BatchNorm (ours).
 
     Args:

@@ -53,7 +53,7 @@ class Settings(EncoderSettings):
 
 
 class PointNetLkTraining(PairTrainable):
-    """Trains on true motions, through the loop (Aoki et al. 2019, section 3.3)."""
+    """Trains on true motions, through the loop (Aoki et al. 2019)."""
 
     name = "pointnetlk"
     supervision = "supervised"

@@ -51,10 +51,10 @@ class LocalGeometry:
 
 
 def point_pair_features(offsets: Tensor, normals: Tensor, others: Tensor) -> Tensor:
-    """Return (angle(n, d), angle(n', d), angle(n, n'), |d|) of pairs of points (Drost et al. 2010, Eq. 1).
+    """Return (angle(n, d), angle(n', d), angle(n, n'), |d|) of pairs of points (Drost et al. 2010).
 
     Angles between lines, in [0, pi/2], since the signs of estimated normals are arbitrary. They are arc tangents,
-    as in RPM-Net (section 4.1): exact for small angles. With d = 0 angles are 0.
+    as in RPM-Net: exact for small angles. With d = 0 angles are 0.
 
     Args:
         offsets: d, (..., 3).

@@ -1,4 +1,4 @@
-"""RPM-Net's losses (section 4.4)."""
+"""RPM-Net's losses."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def training_losses(
 ) -> dict[str, Tensor]:
     """Return the weighted terms, each summed over iterations, the last with weight 1, the one before 1/2, and so on.
 
-    "registration": the mean L1 distance of the source's points moved by the answer and by the truth (Eq. 9).
-    "inliers": minus the matched shares of points (Eq. 10), of both clouds, plus one for each.
+    "registration": the mean L1 distance of the source's points moved by the answer and by the truth.
+    "inliers": minus the matched shares of points, of both clouds, plus one for each.
 
     Args:
         steps: The iterations.

@@ -35,7 +35,7 @@ class Step:
 
 
 class FeatureNetwork(nn.Module):
-    """Features of points (section 4.1): three layers on each neighbour, their maximum, three layers, unit length.
+    """Features of points: three layers on each neighbour, their maximum, three layers, unit length.
 
     The paper's layers, 96-96-192 before the maximum and 192-96-96 after it. Ours has no group normalisation over all
     points of a cloud, with which a point's feature depends on where the cloud is cut: none before the maximum, so that
@@ -70,7 +70,7 @@ class FeatureNetwork(nn.Module):
 
 
 class ParameterNetwork(nn.Module):
-    """Annealing parameters of a pair of clouds (section 4.2): a PointNet that sees which cloud a point is of."""
+    """Annealing parameters of a pair of clouds: a PointNet that sees which cloud a point is of."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -139,7 +139,7 @@ class RpmNet(PairNetwork):
             moved = source @ T[:, :3, :3].transpose(1, 2) + T[:, None, :3, 3]
             alpha, beta = self.annealing(self.annealing.describe(moved, 0.0), target_description)
             features = self.features(source_geometry.rows(T))
-            # Both have unit length, so beta (alpha - |f - g|^2) of Eq. 5 is 2 beta <f, g> + beta (alpha - 2).
+            # Both have unit length, so beta (alpha - |f - g|^2) of the paper is 2 beta <f, g> + beta (alpha - 2).
             sums, source_shares, target_shares = soft_matches(
                 2 * beta[:, :, None] * features, target_features, (beta * (alpha - 2))[:, 0], target
             )

@@ -32,7 +32,7 @@ def lucas_kanade(
     tolerance: float = 0.0,
     start: Tensor | None = None,
 ) -> tuple[list[Tensor], Tensor]:
-    """Move the source until its features are the target's (Aoki et al. 2019, Eq. 2 to 6).
+    """Move the source until its features are the target's (Aoki et al. 2019).
 
     The source, moved by T, should be exp(-xi) target for a small xi: f(T source) = f(target) - J xi, with J the
     derivative of f(exp(X) target) at 0, computed once. So xi = J^+ (f(target) - f(T source)), and T becomes exp(xi) T.
@@ -109,7 +109,7 @@ def numerical_jacobian(layers: Sequence[Layer], points: Tensor, features: Tensor
 
 
 def pose_loss(T_target_source: Tensor, truth: Tensor) -> Tensor:
-    """Return the sum of squares of the entries of T truth^-1 - I for each motion (Aoki et al. 2019, Eq. 8), (..., B).
+    """Return the sum of squares of the entries of T truth^-1 - I for each motion (Aoki et al. 2019), (..., B).
 
     Args:
         T_target_source: (..., B, 4, 4).

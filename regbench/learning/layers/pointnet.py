@@ -69,7 +69,7 @@ class PointNet(nn.Module):
 def update_statistics(encoder: PointNet, clouds: Tensor) -> None:
     """Let BatchNorm's running statistics follow (B, N, C) clouds, and leave the encoder in evaluation mode.
 
-    For losses through a loop that runs in evaluation mode, as PointNetLK's does (Aoki et al. 2019, section 3.3).
+    For losses through a loop that runs in evaluation mode, as PointNetLK's does (Aoki et al. 2019).
     """
     encoder.train()
     with torch.no_grad():

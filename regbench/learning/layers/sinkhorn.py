@@ -12,7 +12,7 @@ STEPS_PER_KERNEL = 5
 def log_sinkhorn(scores: Tensor, iterations: int, *, slack: bool = True) -> Tensor:
     """Return log assignments: exp(scores) with rows and columns scaled in turn, so that they sum to one.
 
-    Sinkhorn (1964). With slack, as in RPM-Net (Yew and Lee 2020, section 4.2): one more row and column of score 0
+    Sinkhorn (1964). With slack, as in RPM-Net (Yew and Lee 2020): one more row and column of score 0
     take what finds no partner. Every real row is scaled with its share in the slack column, every real column with
     its share in the slack row, and these two are not scaled themselves. Without, a square matrix becomes doubly
     stochastic. The columns are scaled last: theirs are the sums that are exact.
