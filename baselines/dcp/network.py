@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import Any
 
 import torch
@@ -18,7 +19,33 @@ HEADS = 4
 SLOPE = 0.2
 
 
-class DcpNetwork(PairNetwork):
+class SoftMatchingNetwork(PairNetwork):
+    """Embeddings of points, matches by their products, and the motion of those: what DCP-v1 and DCP-v2 share."""
+
+    @abstractmethod
+    def embeddings(self, source: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the clouds' embeddings, (B, N, width) and (B, M, width)."""
+
+    def align(self, source: Tensor, target: Tensor, **options: Any) -> Alignment:
+        """Return the motions of a batch.
+
+        Args:
+            source: (B, N, 3) float32.
+            target: (B, M, 3) float32.
+            options: `iterations`, each beginning where the one before ended (default: 1, as in the paper).
+        """
+        iterations = options.get("iterations", 1)
+        T_target_source = torch.eye(4).to(source).repeat(len(source), 1, 1)
+        for _ in range(iterations):
+            placed = source @ T_target_source[:, :3, :3].transpose(1, 2) + T_target_source[:, None, :3, 3]
+            of_source, of_target = self.embeddings(placed, target)
+            # The targets' mean, weighted by the softmax of scaled products.
+            matches = functional.scaled_dot_product_attention(of_source, of_target, target)
+            T_target_source = weighted_kabsch(source, matches)
+        return Alignment(T_target_source, iterations=iterations)
+
+
+class DcpNetwork(SoftMatchingNetwork):
     """Deep Closest Point with attention (Wang and Solomon, ICCV 2019, DCP-v2).
 
     Args:
@@ -46,24 +73,6 @@ class DcpNetwork(PairNetwork):
         """Return the clouds' embeddings, each with regard to the other, (B, N, width) and (B, M, width)."""
         of_source, of_target = self._dgcnn(source), self._dgcnn(target)
         return of_source + self._attention(of_source, of_target), of_target + self._attention(of_target, of_source)
-
-    def align(self, source: Tensor, target: Tensor, **options: Any) -> Alignment:
-        """Return the motions of a batch.
-
-        Args:
-            source: (B, N, 3) float32.
-            target: (B, M, 3) float32.
-            options: `iterations`, each beginning where the one before ended (default: 1, as in the paper).
-        """
-        iterations = options.get("iterations", 1)
-        T_target_source = torch.eye(4).to(source).repeat(len(source), 1, 1)
-        for _ in range(iterations):
-            placed = source @ T_target_source[:, :3, :3].transpose(1, 2) + T_target_source[:, None, :3, 3]
-            of_source, of_target = self.embeddings(placed, target)
-            # The targets' mean, weighted by the softmax of scaled products.
-            matches = functional.scaled_dot_product_attention(of_source, of_target, target)
-            T_target_source = weighted_kabsch(source, matches)
-        return Alignment(T_target_source, iterations=iterations)
 
     def _dgcnn(self, points: Tensor) -> Tensor:
         """Return the embedding of each point by its own cloud, (B, N, width)."""

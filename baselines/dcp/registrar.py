@@ -11,7 +11,7 @@ from regbench.learning.pair_registrar import PairRegistrar
 from regbench.learning.weight_files import WeightFiles
 
 if TYPE_CHECKING:
-    from .network import DcpNetwork
+    from .network import SoftMatchingNetwork
 
 
 class Dcp(PairRegistrar):
@@ -41,11 +41,13 @@ class Dcp(PairRegistrar):
         self.max_points = max_points
         self.iterations = iterations
 
-    def build(self, configuration: Mapping[str, Any]) -> DcpNetwork:
-        """Return the network that a model card describes."""
+    def build(self, configuration: Mapping[str, Any]) -> SoftMatchingNetwork:
+        """Return the network that a model card describes: DCP-v1's, of imported weights, or DCP-v2's."""
         from .network import DcpNetwork
+        from .original import DcpV1Network
 
-        return DcpNetwork(**configuration)
+        arguments = dict(configuration)
+        return DcpV1Network(**arguments) if arguments.pop("version", 2) == 1 else DcpNetwork(**arguments)
 
     def options(self) -> dict[str, Any]:
         """Return the iterations."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -10,6 +11,7 @@ from torch import Tensor, nn
 
 from regbench.learning.training.pair_trainable import PairSettings, PairTrainable
 
+from .checkpoints import renamed_v1
 from .losses import dcp_losses
 from .network import DcpNetwork
 from .registrar import Dcp
@@ -45,6 +47,11 @@ class DcpTraining(PairTrainable):
     def network(self) -> DcpNetwork:
         """Return the network."""
         return DcpNetwork(**self.configuration())
+
+    @classmethod
+    def renamed(cls, state: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """Return our tensors of DCP-v1's; see `Trainable.renamed`."""
+        return renamed_v1(state)
 
     def losses(self, network: nn.Module, batch: dict[str, Tensor], progress: float) -> dict[str, Tensor]:
         """Return the weighted terms; see `dcp_losses`."""

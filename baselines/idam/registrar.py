@@ -54,10 +54,12 @@ class Idam(PairRegistrar):
         self.target_share = target_share
 
     def build(self, configuration: Mapping[str, Any]) -> IdamNetwork:
-        """Return the network that a model card describes."""
+        """Return the network that a model card describes: by the authors' layers, of imported weights, or by ours."""
         from .network import IdamNetwork
+        from .original import OriginalIdam
 
-        return IdamNetwork(**configuration)
+        arguments = dict(configuration)
+        return OriginalIdam(**arguments) if arguments.pop("layers_of", None) == "authors" else IdamNetwork(**arguments)
 
     def options(self) -> dict[str, Any]:
         """Return iterations and shares."""

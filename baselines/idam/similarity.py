@@ -42,7 +42,7 @@ class SimilarityConvolution(nn.Module):
         self.compared = compared
         self.pair = nn.Linear(2 * features + (5 if compared else 4), width)
         self.hidden = nn.Linear(width, width)
-        self.score = nn.Linear(width, 1)
+        self.score: nn.Module = nn.Linear(width, 1)
         self.validity = nn.Sequential(nn.Linear(width, width), nn.ReLU(), nn.Linear(width, 1))
         nn.init.kaiming_normal_(self.hidden.weight)
 
@@ -84,8 +84,12 @@ class SimilarityConvolution(nn.Module):
             numbers = torch.cat([numbers, _difference(source.features, target.features)], dim=3)
         pairs = functional.linear(numbers, self.pair.weight[:, -numbers.shape[3] :])
         pairs = pairs.add_(of_source[:, :, None]).add_(of_target[:, None]).relu_()
-        pairs = self.hidden(pairs).relu_()
+        pairs = self.activated(self.hidden(pairs))
         return self.score(pairs)[:, :, :, 0], pairs.amax(dim=2)
+
+    def activated(self, pairs: Tensor) -> Tensor:
+        """Return the activation of the pairs' last channels, in place."""
+        return pairs.relu_()
 
 
 def _geometry(source: Tensor, target: Tensor) -> Tensor:

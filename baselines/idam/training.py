@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -10,6 +11,7 @@ from torch import Tensor, nn
 
 from regbench.learning.training.pair_trainable import PairSettings, PairTrainable
 
+from .checkpoints import renamed_original
 from .features import Geometry
 from .losses import idam_losses
 from .network import IdamNetwork
@@ -54,6 +56,11 @@ class IdamTraining(PairTrainable):
     def network(self) -> IdamNetwork:
         """Return the network."""
         return IdamNetwork(**self.configuration())
+
+    @classmethod
+    def renamed(cls, state: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """Return our tensors of the authors'; see `Trainable.renamed`."""
+        return renamed_original(state)
 
     def losses(self, network: nn.Module, batch: dict[str, Tensor], progress: float) -> dict[str, Tensor]:
         """Return the weighted terms; see `idam_losses`."""

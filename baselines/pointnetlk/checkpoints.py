@@ -7,6 +7,8 @@ from typing import Any
 
 from torch import Tensor
 
+from regbench.learning.checkpoint_layers import refuse_rest
+
 PREFIX = "ptnet."
 # (block, place in it) of each layer's convolution; its BatchNorm is at the next place.
 ORIGINAL = (("h1", 0), ("h1", 3), ("h2", 0), ("h2", 3), ("h2", 6))
@@ -34,6 +36,5 @@ def renamed_pointnet(state: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], di
         for name in BATCH_NORM:
             tensors[f"encoder.norms.{layer}.{name}"] = there.pop(f"{block}.{place + 1}.{name}")
         widths.append(len(convolution))
-    if there:
-        raise ValueError(f"'{next(iter(there))}' belongs to no layer of it ({len(there)} such)")
+    refuse_rest(there)
     return tensors, {"widths": widths, "normalisation": "batch"}
