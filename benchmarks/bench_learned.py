@@ -46,6 +46,7 @@ def contenders(name: str, source: Tensor, target: Tensor) -> tuple[Callable[[], 
         plain.load_ours(state)
         plain_options = options
     else:
+        options = options | registrar.presets["paper"]
         plain = {"idam": idam, "dcp": dcp}[name].from_ours(state, configuration)  # type: ignore[attr-defined]
         plain_options = {key: value for key, value in options.items() if key != "iterations"}
     plain = plain.eval().requires_grad_(False)

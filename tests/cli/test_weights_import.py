@@ -61,7 +61,7 @@ def test_an_original_checkpoint_gives_the_same_features(tmp_path, cls, wrapping)
     ("name", "original", "cls", "options"),
     [
         ("dcp", originals.Dcp, Dcp, {}),
-        ("idam", originals.Idam, Idam, {"source_share": 1 / 6, "target_share": 1 / 6}),
+        ("idam", originals.Idam, Idam, Idam.presets["paper"]),
     ],
 )
 def test_an_original_checkpoint_gives_the_same_motion(tmp_path, name, original, cls, options):
