@@ -5,6 +5,8 @@ All lengths are in voxels of the target's grid, whose low corner is the origin.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from math import ceil, cos, degrees, log2, radians
 
 import numpy as np
@@ -24,10 +26,12 @@ LAST_DEG_WITH_TRANSLATIONS = 7.0
 TRANSLATION_LEVELS, TRANSLATION_BEAM = 4, 8
 # Rotations nearer to each other than this lead ICP to the same end.
 APART_DEG = 2.0
+# Cells between two looks at the clock: some milliseconds.
+CELLS_AT_ONCE = 256
 
 
 def promising_rotations(
-    space: Space, translation: NDArray[np.float32], *, beam: int, starts: int
+    space: Space, translation: NDArray[np.float32], *, beam: int, starts: int, end: float
 ) -> NDArray[np.float32]:
     """Return rotations of small error about one translation, the best first, (S, 3, 3) with S <= starts.
 
@@ -36,20 +40,25 @@ def promising_rotations(
         translation: (3,) float32.
         beam: Cells that are split on every level.
         starts: Most rotations returned.
+        end: Of the search, by `time.perf_counter`: then the best of the cells seen so far are returned.
     """
     cells, level = _grid(space)
     while True:
-        errors = _errors(space, cells, translation)
-        if _edge_deg(space, level) <= LAST_DEG:
+        errors = np.full(len(cells), np.inf)
+        for part in _parts(len(cells), end):
+            errors[part] = _errors(space, cells[part], translation)
+        if _edge_deg(space, level) <= LAST_DEG or time.perf_counter() >= end:
             break
         level += 1
         best = cells[np.argsort(errors, kind="stable")[:beam]]
         cells = _split(best, space.rotation_half, 0.5**level, space.euler)
-    best = cells[np.argsort(errors, kind="stable")]
+    best = cells[np.argsort(errors, kind="stable")[: np.isfinite(errors).sum()]]
     return _first_apart(best, space.euler, cos(radians(APART_DEG)), starts)[0]
 
 
-def promising_motions(space: Space, *, beam: int, starts: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def promising_motions(
+    space: Space, *, beam: int, starts: int, end: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return motions that bring many points near the target, the best first: (S, 3, 3) and (S, 3), S <= starts.
 
     For clouds that overlap in part, of which the centroids do not match: each rotation of the first grid has a beam of
@@ -60,17 +69,25 @@ def promising_motions(space: Space, *, beam: int, starts: int) -> tuple[NDArray[
             translations to look at.
         beam: Cells that are split on every level.
         starts: Most motions returned.
+        end: Of the search, by `time.perf_counter`: then the best of the cells seen so far are returned.
     """
     cells, level = _grid(space)
-    scores, translations = _scores_with_translations(space, cells, _turn(space, level))
+    scores, translations = np.full(len(cells), np.inf), np.empty((len(cells), 3), np.float32)
+    for part in _parts(len(cells), end):
+        scores[part], translations[part] = _scores_with_translations(space, cells[part], _turn(space, level))
     step = space.half * 0.5**TRANSLATION_LEVELS
-    while _edge_deg(space, level) > LAST_DEG_WITH_TRANSLATIONS:
+    while _edge_deg(space, level) > LAST_DEG_WITH_TRANSLATIONS and time.perf_counter() < end:
         best = np.argsort(scores, kind="stable")[:beam]
         level += 1
         cells, parents = _split_with_parents(cells[best], space.rotation_half, 0.5**level, space.euler)
-        scores, translations = _scores_near(space, cells, translations[best][parents], step, _turn(space, level))
+        guesses = translations[best][parents]
+        scores, translations = np.full(len(cells), np.inf), np.empty((len(cells), 3), np.float32)
+        for part in _parts(len(cells), end):
+            scores[part], translations[part] = _scores_near(
+                space, cells[part], guesses[part], step, _turn(space, level)
+            )
         step = step / 2
-    order = np.argsort(scores, kind="stable")
+    order = np.argsort(scores, kind="stable")[: np.isfinite(scores).sum()]
     rotations, chosen = _first_apart(cells[order], space.euler, cos(radians(APART_DEG)), starts)
     return rotations, translations[order[chosen]]
 
@@ -82,6 +99,14 @@ def _grid(space: Space) -> tuple[NDArray[np.float64], int]:
     for halved in range(1, level + 1):
         cells = _split(cells, space.rotation_half, 0.5**halved, space.euler)
     return cells, level
+
+
+def _parts(count: int, end: float) -> Iterator[slice]:
+    """Yield slices of so many cells, one after the other, until the time is over."""
+    for first in range(0, count, CELLS_AT_ONCE):
+        if time.perf_counter() >= end:
+            return
+        yield slice(first, first + CELLS_AT_ONCE)
 
 
 def _edge_deg(space: Space, level: int) -> float:

@@ -11,7 +11,7 @@ from regbench.geometry.se3 import se3
 from regbench.geometry.starts import start_of
 
 from ..local_frame import LocalFrame, require_like_sizes
-from .search import Box, Found, Settings, search
+from .search import Box, Found, Progress, Settings, search
 
 
 class GoIcp(Registrar):
@@ -24,6 +24,9 @@ class GoIcp(Registrar):
 
     Before branch and bound, ours looks at a grid of rotations and starts ICP at the most promising ones: a mean squared
     error under the threshold is certified without any branching, but a second minimum may be under it too.
+
+    The time of a call is at most `budget_ms` and what thinning, the first ICP, the last ICP and the error of the whole
+    clouds take: 0.1 to 1 s from 30,000 to 300,000 points.
 
     Args:
         threshold: Certify that no motion has a mean squared error smaller by more than this.
@@ -39,12 +42,12 @@ class GoIcp(Registrar):
         starts: ICP starts of the first search, on the distance grid.
         finalists: Ends of those that go on to exact ICP.
         max_points: Points of the source that are searched with, at most, and five times as many of the target. Larger
-            clouds are thinned for the search, and the certificate is about the best motion found for what is left; the
-            answer is where ICP on the whole target ends from there.
+            clouds are thinned for the search; ICP on the whole target goes on from there, and the better of the two
+            motions for the whole clouds is the answer. It is certified where its error is under the threshold.
         max_nodes: Most cells of rotations that branch and bound looks at. None: no such limit.
-        budget_ms: Branch and bound ends so long after the call, and the best motion so far is answered, uncertified;
-            the first search is not cut short. None: no such limit. Where it ends the search, the answer depends on
-            the machine and its load; with `max_nodes` instead it repeats.
+        budget_ms: The search, the first one too, ends so long after the call, and the best motion so far is answered,
+            uncertified. None: no such limit. Where it ends the search, the answer depends on the machine and its load;
+            with `max_nodes` instead it repeats.
     """
 
     name = "goicp"
@@ -62,7 +65,7 @@ class GoIcp(Registrar):
         # Rotations alone, about matched centroids: for clouds that overlap fully. Half the first search.
         "fast": {"motion": "centred", "beam": 100, "starts": 16, "finalists": 2},
         # For clouds of which some 60 % of the source has a partner.
-        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12},
+        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12, "budget_ms": 2000.0},
     }
 
     def __init__(
@@ -94,8 +97,14 @@ class GoIcp(Registrar):
         self.max_nodes = max_nodes
         self.budget_ms = budget_ms
 
-    def register(self, problem: Problem) -> Registration:
+    def register(self, problem: Problem, *, progress: Progress | None = None) -> Registration:
         """Estimate T_target_source.
+
+        Args:
+            problem: The clouds.
+            progress: Called about a hundred times a second of branch and bound, with the least mean squared error so
+                far, the bound under every error, both in squared extents of the target, and the cells of rotations
+                looked at.
 
         Returns:
             The `confidence` is minus the root of the mean squared error, in extents of the target.
@@ -111,13 +120,19 @@ class GoIcp(Registrar):
         for name, least in (("beam", 0), ("finalists", 0), ("starts", 1), ("max_points", 1), ("cells", 2)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        for name in ("max_translation", "max_nodes", "budget_ms"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise ValueError(f"{name} must be at least 0, got {value}")
         frame = LocalFrame.of(problem)
         require_like_sizes(frame)
         prior = problem.motion_prior if self.motion == "prior" else None
         starts = [start_of(problem, frame, self.init)]
         if prior is not None:
             starts.append(se3(prior.mean_T_target_source()[:3, :3], np.zeros(3)))
-        found = search(frame.source, frame.target, starts, self._settings(frame, prior), seed=problem.seed)
+        found = search(
+            frame.source, frame.target, starts, self._settings(frame, prior), seed=problem.seed, progress=progress
+        )
         return self._registration(frame, found)
 
     def _settings(self, frame: LocalFrame, prior: MotionPrior | None) -> Settings:

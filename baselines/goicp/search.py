@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from math import ceil, cos, inf, pi, radians
 from typing import Any
 
@@ -69,7 +70,7 @@ class Settings:
         finalists: Ends of those that go on to exact ICP.
         max_points: Points of the source that are searched with, at most; of the target, five times as many.
         max_nodes: Most cells of rotations that branch and bound looks at, or None.
-        budget_s: Branch and bound ends after so many seconds from the start, or None.
+        budget_s: The search ends after so many seconds from the start, or None.
     """
 
     threshold: float
@@ -91,8 +92,10 @@ class Found:
 
     Attributes:
         T_target_source: (4, 4) float64.
-        error: Mean squared error of the answer over the points that count, by exact nearest neighbours.
-        gap: No motion in range has an error smaller than the best by more than this, over the points searched with.
+        error: Mean squared error of the answer over the points that count, by exact nearest neighbours, of the whole
+            clouds.
+        gap: No motion in range has an error smaller than the answer's by more than this. Where the clouds were thinned
+            the bounds of branch and bound hold for what was left of them, and this is the error: none is under zero.
         nodes: Cells of rotations that branch and bound looked at.
         points: Points of the source searched with.
     """
@@ -132,16 +135,19 @@ def search(
     for start in starts:
         scene.refine(scene.followed(start, len(few))[1])
     if settings.beam and not scene.is_same():
-        scene.explore()
+        scene.explore(end)
     nodes, bound = 0, 0.0
     if scene.least > settings.threshold:
         nodes, bound = scene.branch_and_bound(end, progress)
-    best, error = scene.best, scene.least
-    if len(few) < len(source) or len(scene.target) < len(target):
-        more = drawn(source, LAST_POINTS * settings.max_points, rng)
-        best = icp(more, target, best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
-        error = mean_squared_error(source, target, best, settings.overlap)
-    return Found(best, error, scene.least - bound, nodes, len(few))
+    if len(few) == len(source) and len(scene.target) == len(target):
+        return Found(scene.best, scene.least, scene.least - bound, nodes, len(few))
+    more = drawn(source, LAST_POINTS * settings.max_points, rng)
+    last = icp(more, target, scene.best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
+    error, best = min(
+        ((mean_squared_error(source, target, motion, settings.overlap), motion) for motion in (last, scene.best)),
+        key=lambda judged: judged[0],
+    )
+    return Found(best, error, error, nodes, len(few))
 
 
 def mean_squared_error(
@@ -219,30 +225,32 @@ class _Scene:
         )
         return error, se3(rotation, translation)
 
-    def explore(self) -> None:
-        """Refine the best motions of a grid: cheaply, then the best of those exactly."""
+    def explore(self, end: float) -> None:
+        """Refine the best motions of a grid, until the time is over: cheaply, then the best of those exactly."""
         settings = self._settings
         if settings.overlap == 1:
             space = self._space(GLANCED_AT, self._grid)
             place = -self._grid.low / np.float32(self._grid.cell)
-            rotations = promising_rotations(space, place, beam=settings.beam, starts=settings.starts)
+            rotations = promising_rotations(space, place, beam=settings.beam, starts=settings.starts, end=end)
             translations = np.tile(place, (len(rotations), 1))
         else:
             # The source's centroid is likely somewhere in the target's bounding box.
             half = (self.target.max(axis=0) - self.target.min(axis=0)) / 2
             middle = self.target.min(axis=0) + half
             space = self._space(GLANCED_AT, self._grid, Box(middle=middle, half=half))
-            rotations, translations = promising_motions(space, beam=settings.beam, starts=settings.starts)
+            rotations, translations = promising_motions(space, beam=settings.beam, starts=settings.starts, end=end)
         motions = [self._motion(turn, place) for turn, place in zip(rotations, translations, strict=True)]
-        ends = sorted((self.followed(motion, FOLLOWED) for motion in motions), key=lambda end: end[0])
+        in_time = takewhile(lambda _: time.perf_counter() < end, motions)
+        followed = sorted((self.followed(motion, FOLLOWED) for motion in in_time), key=lambda found: found[0])
         taken: list[Motion] = []
-        for _, end in ends:
-            if len(taken) == settings.finalists or self.is_same():
+        for _, motion in followed:
+            if len(taken) == settings.finalists or self.is_same() or time.perf_counter() >= end:
                 break
-            if not any(_is_near(end, other) for other in taken):
-                taken.append(end)
-                self.refine(self.followed(end, len(self._source))[1], FINALIST_TOLERANCE)
-        self.refine(self.best)
+            if not any(_is_near(motion, other) for other in taken):
+                taken.append(motion)
+                self.refine(self.followed(motion, len(self._source))[1], FINALIST_TOLERANCE)
+        if taken:
+            self.refine(self.best)
 
     def branch_and_bound(self, end: float, progress: Progress | None) -> tuple[int, float]:
         """Search until the bound is near enough or the time is over; return nodes and the bound under every error."""

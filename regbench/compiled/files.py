@@ -28,6 +28,8 @@ import numba
 
 from regbench.compiled.cache import NOWHERE
 
+SEAL_BYTES = hashlib.sha256().digest_size
+
 caching: Any = importlib.import_module("numba.core.caching")  # so imported it is Any: numba's internals have no types
 
 
@@ -99,20 +101,26 @@ class KernelFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
         """Keep code for a key: the signature, the processor, and the function's bytecode."""
         if self._cache_path == NOWHERE:
             return
+        kept = self._dump((key, data))
         with self._open_for_write(self._path(key)) as file:  # renamed into place: no reader sees half of it
-            pickle.dump(self._made_of, file)
-            file.write(self._dump((key, data)))
+            file.write(self._seal(kept) + kept)
 
     def load(self, key: object) -> Any:
         """Return what was kept for a key, or None."""
         try:
-            with self._path(key).open("rb") as file:
-                if pickle.load(file) != self._made_of:  # before the rest, which another numba's types may not fit
-                    return None
-                found, data = pickle.load(file)
-        except (OSError, EOFError, pickle.UnpicklingError):  # not there; or torn, as a loss of power leaves it
+            content = self._path(key).read_bytes()
+        except OSError:
             return None
+        seal, kept = content[:SEAL_BYTES], content[SEAL_BYTES:]
+        # Before anything is unpickled: another numba's types may not fit, and damage may raise anything or pass.
+        if seal != self._seal(kept):
+            return None
+        found, data = pickle.loads(kept)
         return data if found == key else None
+
+    def _seal(self, kept: bytes) -> bytes:
+        """Return a hash of what is kept, of numba's version and of the sources."""
+        return hashlib.sha256(repr(self._made_of).encode() + kept).digest()
 
     def _path(self, key: object) -> Path:
         return Path(self._cache_path, f"{self._base}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc")

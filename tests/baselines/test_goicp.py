@@ -283,6 +283,41 @@ def test_a_budget_is_obeyed_with_trimming_too():
     assert answer.facts["certified"] is False
 
 
+@pytest.mark.parametrize("overlap", [1.0, 0.6])
+def test_a_budget_cuts_the_first_search_short(overlap):
+    """A beam that would take minutes; what was seen until then is used."""
+    target, truth = turned(body(400), 20)
+    problem = make_problem(body(400), target + 0.05 * np.random.default_rng(0).normal(size=(400, 3)))
+    GoIcp(overlap=overlap).register(problem)  # compiles
+    began = time.perf_counter()
+    answer = GoIcp(overlap=overlap, beam=1_000_000, starts=1000, threshold=1e-6, budget_ms=300).register(problem)
+    assert time.perf_counter() - began < 5
+    assert answer.facts["nodes"] == 0
+    assert answer.facts["certified"] is False
+    assert off_deg(answer.T_target_source, truth) < 10
+
+
+@pytest.mark.parametrize("overlap", [1.0, 0.7])
+def test_error_and_certificate_are_about_the_whole_clouds(overlap):
+    """Of which a tenth is searched with."""
+    source = body(5000)
+    target = turned(source, 40)[0] + 0.1 * np.random.default_rng(0).normal(size=source.shape)
+    loose, tight = (
+        GoIcp(overlap=overlap, max_points=400, threshold=threshold, budget_ms=300).register(
+            make_problem(source, target)
+        )
+        for threshold in (1e-1, 1e-5)
+    )
+    for answer in (loose, tight):
+        squares = np.sort(cKDTree(target).query(transform(answer.T_target_source, source))[0] ** 2)
+        unit = np.linalg.norm(target - target.mean(axis=0), axis=1).max()
+        error = squares[: int(np.ceil(overlap * len(squares)))].mean() / unit**2
+        assert answer.facts["points"] == 400
+        assert answer.facts["error"] == answer.facts["gap"] == pytest.approx(error)
+    assert loose.facts["certified"] is True
+    assert tight.facts["certified"] is False
+
+
 @pytest.mark.parametrize("turn_deg", [0.0, 60.0])
 def test_a_prior_may_fix_axes(turn_deg):
     """All starts of the first search are different rotations, and there is nothing to halve without any range."""
@@ -307,20 +342,15 @@ def test_more_nodes_never_make_the_gap_wider():
 
 
 def test_progress_is_told():
-    source, target = shell(0), shell(1)
     told = []
-    box = Box(middle=np.zeros(3), half=np.zeros(3))
-    found = search(
-        source,
-        target,
-        [np.eye(4)],
-        Settings(**(SETTINGS | {"translation": box})),
-        progress=lambda *news: told.append(news),
+    answer = GoIcp(motion="centred", threshold=1e-3, budget_ms=None, max_nodes=20_000).register(
+        make_problem(shell(0), shell(1)), progress=lambda *news: told.append(news)
     )
     errors, bounds, nodes = zip(*told, strict=True)
     assert list(errors) == sorted(errors, reverse=True)
     assert list(nodes) == sorted(nodes)
-    assert nodes[-1] == found.nodes
+    assert nodes[-1] == answer.facts["nodes"]
+    assert errors[-1] - bounds[-1] == pytest.approx(answer.facts["gap"])
     assert all(bound <= error for error, bound in zip(errors, bounds, strict=True))
 
 
@@ -388,7 +418,7 @@ def test_degenerate_clouds_get_a_rigid_motion_in_time(points, overlap):
     "parameters",
     [
         {"overlap": 0.0}, {"overlap": 1.5}, {"threshold": 0.0}, {"starts": 0}, {"beam": -1}, {"finalists": -1},
-        {"max_points": 0}, {"cells": 1},
+        {"max_points": 0}, {"cells": 1}, {"max_translation": -0.1}, {"max_nodes": -1}, {"budget_ms": -1.0},
     ],
 )  # fmt: skip
 def test_parameters_out_of_range_are_refused(parameters):

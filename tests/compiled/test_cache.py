@@ -139,6 +139,17 @@ def test_torn_files_are_replaced(folder):
     assert report(start(folder, TOTAL, "float64"))[:3] == [21.0, 1, 0]
 
 
+def test_damaged_files_are_replaced(folder):
+    """Whatever byte is wrong, no process fails over it or runs what it says."""
+    report(start(folder, TOTAL, "float64"))
+    for place in (0, 40, 200, -1):
+        for file in (folder / "package" / "__pycache__").glob("*.nbc"):
+            content = bytearray(file.read_bytes())
+            content[place] ^= 0xFF
+            file.write_bytes(content)
+        assert report(start(folder, TOTAL, "float64"))[:3] == [21.0, 0, 1]
+
+
 @pytest.mark.parametrize(
     ("place", "compiled", "expected"),
     [
