@@ -31,6 +31,19 @@ IN_THE_RUNNING = 1.5
 DENSE_REACHES = (1.0, 0.5, 0.25)
 LEFT_OUT_BEYOND = 2.0
 DENSE_TOLERANCE = 1e-4
+# Of the counts among the parameters.
+LEAST = {
+    "max_points": 4,
+    "max_bases": 1,
+    "max_sets": 1,
+    "max_tests": 1,
+    "kept": 1,
+    "repeats": 0,
+    "cells": 2,
+    "finalists": 1,
+    "refine_iterations": 1,
+    "refine_points": 3,
+}
 
 
 class Super4Pcs(Registrar):
@@ -183,6 +196,11 @@ class Super4Pcs(Registrar):
             raise ValueError("delta and reach must be above 0, copy_delta not below")
         if not 0 <= self.confidence < 1:
             raise ValueError(f"confidence is a probability below 1, got {self.confidence}")
+        for name, least in LEAST.items():
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        if not (self.width > 0 and self.refine_distance > 0):
+            raise ValueError("width and refine_distance must be above 0")
 
     def _sample(self, cloud: Cloud, rng: np.random.Generator) -> Cloud:
         """Return what the search sees of a cloud: distinct points in random order, thinned."""

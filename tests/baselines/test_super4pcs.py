@@ -491,6 +491,9 @@ def test_what_makes_no_sense_is_refused():
         ({"overlap": 1.5}, "overlap is a share"),
         ({"delta": 0.0}, "delta and reach"),
         ({"confidence": 1.0}, "confidence is a probability"),
+        ({"finalists": 0}, "finalists must be at least 1, got 0"),
+        ({"max_points": 3}, "max_points must be at least 4"),
+        ({"width": 0.0}, "width and refine_distance"),
     ):
         with pytest.raises(ValueError, match=words):
             Super4Pcs(**parameters).register(problem)
