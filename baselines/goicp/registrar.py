@@ -26,7 +26,7 @@ class GoIcp(Registrar):
     error under the threshold is certified without any branching, but a second minimum may be under it too.
 
     The time of a call is at most `budget_ms` and what thinning, the first ICP, the last ICP and the error of the whole
-    clouds take: 0.1 to 1 s from 30,000 to 300,000 points.
+    clouds take, which grows with the number of points.
 
     Args:
         threshold: Certify that no motion has a mean squared error smaller by more than this.
@@ -43,7 +43,7 @@ class GoIcp(Registrar):
         finalists: Ends of those that go on to exact ICP.
         max_points: Points of the source that are searched with, at most, and five times as many of the target. Larger
             clouds are thinned for the search; ICP on the whole target goes on from there, and the better of the two
-            motions for the whole clouds is the answer. It is certified where its error is under the threshold.
+            motions is the answer. It is certified where its error over the whole clouds is under the threshold.
         max_nodes: Most cells of rotations that branch and bound looks at. None: no such limit.
         budget_ms: The search, the first one too, ends so long after the call, and the best motion so far is answered,
             uncertified. None: no such limit. Where it ends the search, the answer depends on the machine and its load;
@@ -65,7 +65,7 @@ class GoIcp(Registrar):
         # Rotations alone, about matched centroids: for clouds that overlap fully. Half the first search.
         "fast": {"motion": "centred", "beam": 100, "starts": 16, "finalists": 2},
         # For clouds of which some 60 % of the source has a partner.
-        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12, "budget_ms": 2000.0},
+        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12, "budget_ms": 3000.0},
     }
 
     def __init__(

@@ -143,10 +143,8 @@ def search(
         return Found(scene.best, scene.least, scene.least - bound, nodes, len(few))
     more = drawn(source, LAST_POINTS * settings.max_points, rng)
     last = icp(more, target, scene.best, overlap=settings.overlap, max_iterations=LAST_ITERATIONS).T_target_source
-    error, best = min(
-        ((mean_squared_error(source, target, motion, settings.overlap), motion) for motion in (last, scene.best)),
-        key=lambda judged: judged[0],
-    )
+    best = min(last, scene.best, key=lambda motion: mean_squared_error(more, target, motion, settings.overlap))
+    error = mean_squared_error(source, target, best, settings.overlap)
     return Found(best, error, error, nodes, len(few))
 
 
