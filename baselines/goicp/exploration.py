@@ -40,14 +40,14 @@ def promising_rotations(
         translation: (3,) float32.
         beam: Cells that are split on every level.
         starts: Most rotations returned.
-        end: Of the search, by `time.perf_counter`: then the best of the cells seen so far are returned.
+        end: Of the search, by `time.thread_time`: then the best of the cells seen so far are returned.
     """
     cells, level = _grid(space)
     while True:
         errors = np.full(len(cells), np.inf)
         for part in _parts(len(cells), end):
             errors[part] = _errors(space, cells[part], translation)
-        if _edge_deg(space, level) <= LAST_DEG or time.perf_counter() >= end:
+        if _edge_deg(space, level) <= LAST_DEG or time.thread_time() >= end:
             break
         level += 1
         best = cells[np.argsort(errors, kind="stable")[:beam]]
@@ -69,14 +69,14 @@ def promising_motions(
             translations to look at.
         beam: Cells that are split on every level.
         starts: Most motions returned.
-        end: Of the search, by `time.perf_counter`: then the best of the cells seen so far are returned.
+        end: Of the search, by `time.thread_time`: then the best of the cells seen so far are returned.
     """
     cells, level = _grid(space)
     scores, translations = np.full(len(cells), np.inf), np.empty((len(cells), 3), np.float32)
     for part in _parts(len(cells), end):
         scores[part], translations[part] = _scores_with_translations(space, cells[part], _turn(space, level))
     step = space.half * 0.5**TRANSLATION_LEVELS
-    while _edge_deg(space, level) > LAST_DEG_WITH_TRANSLATIONS and time.perf_counter() < end:
+    while _edge_deg(space, level) > LAST_DEG_WITH_TRANSLATIONS and time.thread_time() < end:
         best = np.argsort(scores, kind="stable")[:beam]
         level += 1
         cells, parents = _split_with_parents(cells[best], space.rotation_half, 0.5**level, space.euler)
@@ -104,7 +104,7 @@ def _grid(space: Space) -> tuple[NDArray[np.float64], int]:
 def _parts(count: int, end: float) -> Iterator[slice]:
     """Yield slices of so many cells, one after the other, until the time is over."""
     for first in range(0, count, CELLS_AT_ONCE):
-        if time.perf_counter() >= end:
+        if time.thread_time() >= end:
             return
         yield slice(first, first + CELLS_AT_ONCE)
 

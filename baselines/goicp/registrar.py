@@ -11,7 +11,7 @@ from regbench.geometry.se3 import se3
 from regbench.geometry.starts import start_of
 
 from ..local_frame import LocalFrame, require_like_sizes
-from .search import Box, Found, Progress, Settings, search
+from .search import Box, Found, Progress, Settings, load_kernels, search
 
 
 class GoIcp(Registrar):
@@ -25,8 +25,8 @@ class GoIcp(Registrar):
     Before branch and bound, ours looks at a grid of rotations and starts ICP at the most promising ones: a mean squared
     error under the threshold is certified without any branching, but a second minimum may be under it too.
 
-    The time of a call is at most `budget_ms` and what thinning, the first ICP, the last ICP and the error of the whole
-    clouds take, which grows with the number of points.
+    The CPU time of a call is at most `budget_ms` and what thinning, the first ICP, the last ICP and the error of the
+    whole clouds take, which grows with the number of points. The first call of a process loads the compiled kernels.
 
     Args:
         threshold: Certify that no motion has a mean squared error smaller by more than this.
@@ -45,9 +45,10 @@ class GoIcp(Registrar):
             clouds are thinned for the search; ICP on the whole target goes on from there, and the better of the two
             motions is the answer. It is certified where its error over the whole clouds is under the threshold.
         max_nodes: Most cells of rotations that branch and bound looks at. None: no such limit.
-        budget_ms: The search, the first one too, ends so long after the call, and the best motion so far is answered,
-            uncertified. None: no such limit. Where it ends the search, the answer depends on the machine and its load;
-            with `max_nodes` instead it repeats.
+        budget_ms: The search, the first one too, ends after so much CPU time (that of the calling thread, so that
+            other work on the machine does not cut it short), and the best motion so far is answered, uncertified.
+            None: no such limit. Where it ends the search, the answer depends on the machine; with `max_nodes` instead
+            it repeats.
     """
 
     name = "goicp"
@@ -65,7 +66,7 @@ class GoIcp(Registrar):
         # Rotations alone, about matched centroids: for clouds that overlap fully. Half the first search.
         "fast": {"motion": "centred", "beam": 100, "starts": 16, "finalists": 2},
         # For clouds of which some 60 % of the source has a partner.
-        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12, "budget_ms": 3000.0},
+        "partial": {"overlap": 0.6, "starts": 128, "finalists": 12, "budget_ms": 2000.0},
     }
 
     def __init__(
@@ -124,6 +125,7 @@ class GoIcp(Registrar):
             value = getattr(self, name)
             if value is not None and not value >= 0:
                 raise ValueError(f"{name} must be at least 0, got {value}")
+        load_kernels(trimmed=self.overlap < 1)
         frame = LocalFrame.of(problem)
         require_like_sizes(frame)
         prior = problem.motion_prior if self.motion == "prior" else None
