@@ -11,10 +11,10 @@ Array = NDArray[np.float64]
 THRESHOLDS = {"1deg": (1.0, 0.01), "5deg": (5.0, 0.05), "15deg": (15.0, 0.15)}
 
 
-def recall(
+def within(
     rotation_errors_deg: ArrayLike, translation_errors: ArrayLike, max_rotation_deg: float, max_translation: float
-) -> float:
-    """Return the share of n pairs with rotation error <= max_rotation_deg and translation error <= max_translation.
+) -> NDArray[np.bool_]:
+    """Return which of n pairs have rotation error <= max_rotation_deg and translation error <= max_translation.
 
     Args:
         rotation_errors_deg: (n,) isotropic errors in degrees.
@@ -23,13 +23,21 @@ def recall(
         max_translation: Threshold in the clouds' unit, inclusive.
 
     Returns:
-        A share in [0, 1]; NaN if there is no pair.
+        (n,) bool; their mean is the recall.
     """
     rotation = np.asarray(rotation_errors_deg, dtype=np.float64)
     translation = np.asarray(translation_errors, dtype=np.float64)
     if rotation.shape != translation.shape:
         raise ValueError(f"{rotation.shape} rotation errors but {translation.shape} translation errors")
-    hits = (rotation <= max_rotation_deg) & (translation <= max_translation)
+    hits: NDArray[np.bool_] = (rotation <= max_rotation_deg) & (translation <= max_translation)
+    return hits
+
+
+def recall(
+    rotation_errors_deg: ArrayLike, translation_errors: ArrayLike, max_rotation_deg: float, max_translation: float
+) -> float:
+    """Return the share of n pairs that are `within` the thresholds, in [0, 1]; NaN if there is no pair."""
+    hits = within(rotation_errors_deg, translation_errors, max_rotation_deg, max_translation)
     return float(hits.mean()) if hits.size else float("nan")
 
 

@@ -12,7 +12,10 @@ from regbench.runner.status import FAILURES, Status
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> str:
-    """Return a header and one line per method and protocol; an empty cell is a figure that there is not."""
+    """Return a header and one line per method and protocol; an empty cell is a figure that there is not.
+
+    The last column has the metrics in which a row is worse than the best one (significance.py).
+    """
     kinds = [status.value for status in Status if status in FAILURES]
     output = io.StringIO()
     writer = csv.writer(output, lineterminator="\n")
@@ -21,7 +24,7 @@ def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> s
             *("method", "protocol", "n", "planned", "failures"),
             *(f"failures_{kind}" for kind in kinds),
             *(metric.key for metric in metrics),
-            *("kind", "sees_ground_truth", "training", "n_truth", "note"),
+            *("kind", "sees_ground_truth", "training", "n_truth", "note", "worse_than_best"),
         ]
     )
     for row in rows:
@@ -35,6 +38,7 @@ def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> s
                 *counts,
                 *(row.get(metric.key) for metric in metrics),
                 *(row.get(key) for key in ("kind", "sees_ground_truth", "training", "n_truth", "note")),
+                " ".join(row.get("worse_than_best", ())),
             ]
         )
     return output.getvalue().rstrip("\n")

@@ -7,7 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from regbench.report.layout import BLOCKS, RANKING, SCORING, Cell, Line, Notes, Section, failures_in_words
+from regbench.report.layout import (
+    BLOCKS,
+    RANKING,
+    SCORING,
+    TESTING,
+    WORSE_SIGN,
+    Cell,
+    Line,
+    Notes,
+    Section,
+    failures_in_words,
+)
 
 # "[" would be read as the argument of a row's \\, so it is put in braces like every other special.
 SPECIAL = {
@@ -29,7 +40,7 @@ SPECIAL = {
     "°": r"$^{\circ}$",
     "²": "$^{2}$",
 }
-MARKS = {"†": r"\dagger", "‡": r"\ddagger", "§": r"\mathsection", "¶": r"\mathparagraph"}
+MARKS = {"⁻": "-", "†": r"\dagger", "‡": r"\ddagger", "§": r"\mathsection", "¶": r"\mathparagraph"}
 
 
 def latex_table(sections: Sequence[Section], notes: Notes, remarks: Sequence[str]) -> str:
@@ -48,7 +59,8 @@ def latex_table(sections: Sequence[Section], notes: Notes, remarks: Sequence[str
     for block in body:
         lines += [r"\midrule", *block]
     footnotes = [f"{_mark(mark)} {escape(note)}." for note, mark in notes.marks.items()]
-    legend = rf"\textbf{{Best}}, \underline{{second best}}. {escape(RANKING)} {escape(SCORING)}"
+    tested = f"{_mark(WORSE_SIGN)} {escape(TESTING)} " if any(section.has_marks for section in sections) else ""
+    legend = rf"\textbf{{Best}}, \underline{{second best}}. {escape(RANKING)} {tested}{escape(SCORING)}"
     lines += [
         r"\bottomrule",
         r"\end{tabular}}",
@@ -117,7 +129,9 @@ def _failures(section: Section, line: Line, notes: Notes) -> str:
 
 def _cell(cell: Cell) -> str:
     text = "--" if cell.text == "-" else cell.text
-    return {0: text, 1: rf"\textbf{{{text}}}", 2: rf"\underline{{{text}}}"}[cell.rank] + _mark(cell.mark)
+    return {0: text, 1: rf"\textbf{{{text}}}", 2: rf"\underline{{{text}}}"}[cell.rank] + _mark(
+        WORSE_SIGN * cell.worse + cell.mark
+    )
 
 
 def _mark(mark: str) -> str:

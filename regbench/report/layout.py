@@ -17,6 +17,13 @@ RANKING = (
     "Best and second best are by the figures as printed, among finished rows of methods that ever answered; "
     "sentinels and published figures are not ranked."
 )
+# A row is marked as worse than the best of its column where p, corrected, is under this; with this sign.
+SIGNIFICANT = 0.01
+WORSE_SIGN = "⁻"
+TESTING = (
+    f"worse than the best of its column, p < {SIGNIFICANT:g}: Wilcoxon's signed-rank test on the trials, one-sided, "
+    "with Holm's correction over the column."
+)
 SCORING = "A failed trial is scored as the identity. Times are of the trials that answered."
 
 
@@ -36,11 +43,15 @@ class Notes:
 
 @dataclass(frozen=True)
 class Cell:
-    """A figure as printed, "-" where there is none; rank 1 best, 2 second, 0 neither; marks of its footnotes."""
+    """A figure as printed, "-" where there is none; rank 1 best, 2 second, 0 neither; marks of its footnotes.
+
+    `worse`: than the best of its column, by more than chance.
+    """
 
     text: str
     rank: int = 0
     mark: str = ""
+    worse: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,11 @@ class Section:
     protocol: ProtocolInfo
     metrics: Sequence[Metric]
     lines: Sequence[Line]
+
+    @property
+    def has_marks(self) -> bool:
+        """Whether any figure is marked as worse than the best."""
+        return any(cell.worse for line in self.lines for cell in line.cells)
 
     def blocks(self) -> list[list[Line]]:
         """Return the rows by block, without the empty ones."""
@@ -96,7 +112,12 @@ def lay_out(
             n=str(row["n"]) if row["n"] >= row["planned"] else f"{row['n']} of {row['planned']}",
             n_mark="".join(notes.mark(text) for text in _trial_remarks(row)),
             cells=[
-                Cell(figure(row, metric), ranks[metric.key].get(position, 0), _cell_mark(row, metric, notes))
+                Cell(
+                    figure(row, metric),
+                    ranks[metric.key].get(position, 0),
+                    _cell_mark(row, metric, notes),
+                    metric.key in row.get("worse_than_best", ()),
+                )
                 for metric in metrics
             ],
             failures=row["failures"],
@@ -135,7 +156,7 @@ def _ranks(rows: Sequence[Row], metric: Metric) -> dict[int, int]:
     values = {
         position: float(figure(row, metric))
         for position, row in enumerate(rows)
-        if block_of(row) == "method" and _answered(row) and row.get(metric.key) is not None
+        if is_ranked(row) and row.get(metric.key) is not None
     }
     if len(values) < 2:
         return {}
@@ -143,8 +164,10 @@ def _ranks(rows: Sequence[Row], metric: Metric) -> dict[int, int]:
     return {position: rank_of[value] for position, value in values.items() if rank_of[value] <= 2}
 
 
-def _answered(row: Row) -> bool:
-    """Return whether all trials are there and at least one was answered: else the figures are not the method's."""
+def is_ranked(row: Row) -> bool:
+    """Return whether a row is a method's, with all its trials, one of them answered: else its figures say little."""
+    if block_of(row) != "method":
+        return False
     failures: int = sum(row["failures"].values())
     return bool(row["n"] >= row["planned"]) and failures < row["n"]
 

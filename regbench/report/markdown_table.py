@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from regbench.report.layout import RANKING, SCORING, Cell, Notes, Section, failures_in_words
+from regbench.report.layout import RANKING, SCORING, TESTING, WORSE_SIGN, Cell, Notes, Section, failures_in_words
 
 
 def markdown_table(sections: Sequence[tuple[Section, Notes]], remarks: Sequence[str]) -> str:
     """Return all sections, each with its footnotes, then what holds for the whole table."""
     parts = [_section(section, notes) for section, notes in sections]
-    legend = f"**Best**, <ins>second best</ins>. {' '.join([RANKING, SCORING, *map(escape, remarks)])}"
+    tested = [f"{WORSE_SIGN} {escape(TESTING)}"] if any(section.has_marks for section, _ in sections) else []
+    legend = f"**Best**, <ins>second best</ins>. {' '.join([RANKING, *tested, SCORING, *map(escape, remarks)])}"
     return "\n\n".join([*parts, legend])
 
 
@@ -52,4 +53,4 @@ def _row(cells: Sequence[str]) -> str:
 
 def _cell(cell: Cell) -> str:
     figure = {0: cell.text, 1: f"**{cell.text}**", 2: f"<ins>{cell.text}</ins>"}[cell.rank]
-    return figure + cell.mark
+    return figure + WORSE_SIGN * cell.worse + cell.mark

@@ -90,7 +90,7 @@ def _times(group: Group, name: str) -> Array:
 
 
 def _figure(metric: Metric, samples: Samples) -> float | None:
-    value = metric.function(samples)
+    value = metric.figure(samples)
     return None if math.isnan(value) else value
 
 

@@ -17,9 +17,11 @@ from regbench.report.layout import Notes, lay_out
 from regbench.report.manifest import ProtocolInfo
 from regbench.report.markdown_table import markdown_table
 from regbench.report.merge import read_runs
+from regbench.report.paired import TrialValues
 from regbench.report.published import published_rows
 from regbench.report.rundata import RunData
-from regbench.report.summary import sections, summarise
+from regbench.report.significance import worse_than_best
+from regbench.report.summary import CloudErrors, sections, summarise
 from regbench.report.text_table import text_table
 from regbench.suggest import unknown
 
@@ -61,7 +63,9 @@ def render(
     infos = {group.protocol.label: group.protocol for group in run.groups}
     columns = {label: asked or headline(info, format) for label, info in infos.items()}
     needs_clouds = any(metric.needs == "clouds" for chosen in columns.values() for metric in chosen)
-    rows = summarise(run, cloud_errors(run, data_dir) if needs_clouds else None)
+    errors = cloud_errors(run, data_dir) if needs_clouds else None
+    rows = summarise(run, errors)
+    mark_worse(run, rows, errors)
     by_protocol = sections(rows)
     if paper:
         add_published(by_protocol, infos)
@@ -89,6 +93,20 @@ def _printed(
     if format == "latex":
         return latex_table([section for section, _ in laid_out], together, remarks_on(run, format))
     return {"text": text_table, "markdown": markdown_table}[format](laid_out, remarks_on(run, format))
+
+
+def mark_worse(run: RunData, rows: Sequence[dict[str, Any]], cloud_errors: CloudErrors | None) -> None:
+    """Give every row `worse_than_best`: the corrected p by the metrics in which it is worse than the best row."""
+    values = [TrialValues.of(group, run, cloud_errors) for group in run.groups]
+    for label in {row["protocol"] for row in rows}:
+        places = [place for place, row in enumerate(rows) if row["protocol"] == label]
+        marks = worse_than_best(
+            [rows[place] for place in places],
+            [values[place] for place in places],
+            rank_times=len(run.machines) == 1,
+        )
+        for place, mark in zip(places, marks, strict=True):
+            rows[place]["worse_than_best"] = mark
 
 
 def headline(protocol: ProtocolInfo, format: str) -> list[Metric]:

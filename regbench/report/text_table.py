@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from regbench.report.layout import RANKING, SCORING, Cell, Notes, Section, failures_in_words
+from regbench.report.layout import RANKING, SCORING, TESTING, WORSE_SIGN, Cell, Notes, Section, failures_in_words
 
 WIDTH = 120
 FAILURES_WIDTH = 26
@@ -16,7 +16,8 @@ RANK_SIGNS = {0: "", 1: "*", 2: "+"}
 def text_table(sections: Sequence[tuple[Section, Notes]], remarks: Sequence[str]) -> str:
     """Return all sections, each with its footnotes, then what holds for the whole table."""
     parts = [_section(section, notes) for section, notes in sections]
-    legend = [f"* best, + second best. {RANKING}", SCORING, *remarks]
+    tested = [f"{WORSE_SIGN} {TESTING}"] if any(section.has_marks for section, _ in sections) else []
+    legend = [f"* best, + second best. {RANKING}", *tested, SCORING, *remarks]
     return "\n\n".join([*parts, "\n".join(line for text in legend for line in textwrap.wrap(text, WIDTH))])
 
 
@@ -62,7 +63,7 @@ def _section(section: Section, notes: Notes) -> str:
 
 def _column(cells: Sequence[Cell]) -> list[str]:
     """Return a column's cells with what follows the figures padded, so that the figures stay aligned."""
-    after = [RANK_SIGNS[cell.rank] + cell.mark for cell in cells]
+    after = [RANK_SIGNS[cell.rank] + WORSE_SIGN * cell.worse + cell.mark for cell in cells]
     width = max(map(len, after), default=0)
     return [cell.text + suffix.ljust(width) for cell, suffix in zip(cells, after, strict=True)]
 

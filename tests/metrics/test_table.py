@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from regbench.errors import UserError
+from regbench.metrics.rotation import mae, rmse
 from regbench.metrics.samples import Samples
 from regbench.metrics.table import METRICS, find_metrics, score
 
@@ -68,6 +69,10 @@ def test_score_by_hand():
         "recall_1deg": 0,
         "recall_5deg": 1,
         "recall_15deg": 1,
+        "rre_p75_deg": 2.25,
+        "rre_p95_deg": 2.85,
+        "rte_p75": 0.03,
+        "rte_p95": 0.038,
     }
     assert list(figures) == list(expected)
     assert figures == pytest.approx(expected)
@@ -94,9 +99,17 @@ def test_nothing_scored_is_not_a_number():
 
 def test_times_are_medians_and_a_95th_percentile():
     samples = Samples.of_motions(np.empty((0, 4, 4)), np.empty((0, 4, 4)), time_ms=np.arange(101.0))
-    assert METRICS["time_median_ms"].function(samples) == 50
-    assert METRICS["time_p95_ms"].function(samples) == 95
-    assert math.isnan(METRICS["cpu_median_ms"].function(samples))
+    assert METRICS["time_median_ms"].figure(samples) == 50
+    assert METRICS["time_p95_ms"].figure(samples) == 95
+    assert math.isnan(METRICS["cpu_median_ms"].figure(samples))
+
+
+def test_rmse_and_mae_are_those_of_all_pairs_and_axes():
+    rng = np.random.default_rng(2)
+    estimates, truth = motions(rng, 20), motions(rng, 20)
+    samples, figures = Samples.of_motions(estimates, truth), score(estimates, truth)
+    assert figures["rmse_r_deg"] == pytest.approx(rmse(samples.rotation_residuals_deg))
+    assert figures["mae_t"] == pytest.approx(mae(samples.translation_residuals))
 
 
 def test_wrong_shapes_and_values_are_refused():

@@ -142,11 +142,44 @@ def test_stale_rows_are_spoken_of(tmp_path):
 
 def test_json_is_the_rows_and_csv_has_every_figure_in_full(run):
     rows = json.loads(render([run], format="json"))
-    assert rows == summarise(read_run(run))
+    assert [{key: row[key] for key in row if key != "worse_than_best"} for row in rows] == summarise(read_run(run))
     table = list(csv.DictReader(io.StringIO(render([run], format="csv"))))
     assert [r["method"] for r in table] == [r["method"] for r in rows]
     for line, expected in zip(table, rows, strict=True):
         assert line["rmse_r_deg"] == ("" if expected["rmse_r_deg"] is None else repr(expected["rmse_r_deg"]))
+
+
+@pytest.fixture
+def clear_run(tmp_path):
+    """Forty trials: `good` and `as_good` are near the truth, `bad` is farther off on each, `seldom` on one alone."""
+    methods = [method(name) for name in ("good", "as_good", "bad", "seldom")] + [method("sentinel", kind="sentinel")]
+    p = protocol("demo@1", [motion()] * 40)
+    angles = {"good": lambda i: 1 + i / 100, "as_good": lambda i: 1 + (39 - i) / 100, "bad": lambda i: 2 + i / 100}
+    angles |= {"seldom": lambda i: 90 if i == 7 else 1 + i / 100, "sentinel": lambda i: 40}
+    rows = [row(m, p, i, motion((angles[m["method"]](i), 0, 0)), time_ms=1.0) for m in methods for i in range(40)]
+    return write_run(tmp_path, methods, [p], rows)
+
+
+@pytest.mark.parametrize(("format", "sign"), [("text", "⁻"), ("markdown", "⁻"), ("latex", "$^{-}$")])
+def test_a_figure_worse_than_the_best_by_more_than_chance_is_marked(clear_run, format, sign):
+    text = render([clear_run], format=format, metrics=["mae_r_deg"])
+    marked = [name for name in ("as_good", "bad", "seldom", "sentinel") for line in text.splitlines()
+              if line.replace("\\", "").lstrip("| ").startswith(name) and sign in line]  # fmt: skip
+    assert marked == ["bad"], "one bad trial of forty may be chance, and sentinels are not tested"
+    assert "Wilcoxon's signed-rank test" in " ".join(text.split())
+
+
+def test_csv_and_json_name_the_metrics_in_which_a_row_is_worse(clear_run):
+    rows = {row["method"]: row["worse_than_best"] for row in json.loads(render([clear_run], format="json"))}
+    assert {"rmse_r_deg", "mae_r_deg", "rre_median_deg"} <= set(rows["bad"])
+    assert all(0 < p < 0.01 for p in rows["bad"].values())
+    assert rows["good"] == rows["as_good"] == rows["seldom"] == rows["sentinel"] == {}
+    table = {line["method"]: line for line in csv.DictReader(io.StringIO(render([clear_run], format="csv")))}
+    assert table["bad"]["worse_than_best"].split() == list(rows["bad"])
+
+
+def test_no_sign_no_note(run):
+    assert "Wilcoxon" not in render([run], format="text")
 
 
 def test_chosen_methods_and_protocols_and_columns(run):

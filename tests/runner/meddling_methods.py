@@ -42,7 +42,7 @@ class WritesEverywhere(Meddling):
     name = "writes_everywhere"
 
     def meddle(self, problem):
-        for descriptor in range(3, 64):
+        for descriptor in range(3, 1024):  # an open file's number is the least that was free
             try:
                 os.write(descriptor, b"\0\0\1\0{")
             except OSError:
@@ -56,7 +56,7 @@ class WritesText(Meddling):
     name = "writes_text"
 
     def meddle(self, problem):
-        for descriptor in range(3, 64):
+        for descriptor in range(3, 1024):  # an open file's number is the least that was free
             try:
                 os.write(descriptor, b"hello world\n")
             except OSError:
@@ -68,7 +68,7 @@ class ClosesAll(Meddling):
     name = "closes_all"
 
     def meddle(self, problem):
-        os.closerange(3, 256)
+        os.closerange(3, 1024)
         return IDENTITY
 
 

@@ -1,0 +1,86 @@
+"""How far a difference between two methods may be due to the problems that happened to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.metrics.reduction import QUANTILES, Reduction
+
+Array = NDArray[np.float64]
+RESAMPLES, LEVEL = 10_000, 0.95
+# Resamples at a time: their counts are so many rows of n numbers.
+AT_ONCE = 250
+
+
+@dataclass(frozen=True, eq=False)
+class PairedValues:
+    """What two methods have of one metric on the same n trials.
+
+    Attributes:
+        first: (n,) float64.
+        second: (n,) float64.
+        reduction: From them to the metric's figure.
+    """
+
+    first: Array
+    second: Array
+    reduction: Reduction
+
+
+def paired_intervals(
+    columns: Sequence[PairedValues], rng: np.random.Generator, *, resamples: int = RESAMPLES, level: float = LEVEL
+) -> list[tuple[float, float]]:
+    """Return percentile intervals of the differences, second less first, of several metrics over the same n trials.
+
+    The paired bootstrap (Efron and Tibshirani 1993, chapters 8 and 13): trials are drawn with replacement, both
+    methods' together, and the figures are computed anew. A resample is n counts, one for each trial: a mean is then a
+    product, and a quantile is where the counts of the sorted trials reach its rank.
+
+    Args:
+        columns: With the same n each, n >= 1.
+        rng: Of the draws; all metrics see the same ones.
+        resamples: How many.
+        level: Share of the resamples within the interval.
+
+    Raises:
+        ValueError: The columns differ in length, or are empty.
+    """
+    lengths = {len(values) for column in columns for values in (column.first, column.second)}
+    if len(lengths) != 1 or 0 in lengths:
+        raise ValueError(f"paired values must be as many of each and at least one, got {sorted(lengths)}")
+    (n,) = lengths
+    differences: list[list[Array]] = [[] for _ in columns]
+    for counts in _counts(n, resamples, rng):
+        for column, found in zip(columns, differences, strict=True):
+            found.append(
+                _figures(counts, column.second, column.reduction) - _figures(counts, column.first, column.reduction)
+            )
+    tails = ((1 - level) / 2, (1 + level) / 2)
+    limits = (np.quantile(np.concatenate(found), tails) for found in differences)
+    return [(float(low), float(high)) for low, high in limits]
+
+
+def _counts(n: int, resamples: int, rng: np.random.Generator) -> Iterator[Array]:
+    """Yield (b, n) counts: how often each trial is in each of b resamples."""
+    for first in range(0, resamples, AT_ONCE):
+        rows = min(AT_ONCE, resamples - first)
+        drawn = rng.integers(0, n, (rows, n)) + n * np.arange(rows)[:, None]
+        yield np.bincount(drawn.ravel(), minlength=rows * n).reshape(rows, n).astype(np.float64)
+
+
+def _figures(counts: Array, values: Array, reduction: Reduction) -> Array:
+    """Return (b,) figures of (b, n) counts of (n,) values."""
+    if reduction not in QUANTILES:
+        means = counts @ values / len(values)
+        return means if reduction == "mean" else np.sqrt(means)
+    order = np.argsort(values)
+    cumulated, ascending = np.cumsum(counts[:, order], axis=1), values[order]
+    rank = QUANTILES[reduction] * (len(values) - 1)
+    # The value of rank k is the first one that more than k counts reach.
+    low, high = (ascending[(cumulated <= whole).sum(axis=1)] for whole in (np.floor(rank), np.ceil(rank)))
+    figures: Array = low + (rank - np.floor(rank)) * (high - low)
+    return figures

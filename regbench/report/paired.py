@@ -1,0 +1,68 @@
+"""Two methods on the same trials, metric by metric."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regbench.metrics.samples import Samples
+from regbench.metrics.table import Metric
+from regbench.report.rundata import Group, RunData
+from regbench.report.summary import CloudErrors, samples_of
+from regbench.runner.status import Status
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TrialValues:
+    """What the metrics say of every trial of a method on a protocol.
+
+    Attributes:
+        places: (n, 2) int64, (problem, repeat), ascending.
+        known: (n,) bool: the truth is known, so that the trial has errors.
+        timed: (n,) bool: it answered, and has both times.
+        samples: Errors of the known trials, times of the timed ones.
+    """
+
+    places: NDArray[np.int64]
+    known: NDArray[np.bool_]
+    timed: NDArray[np.bool_]
+    samples: Samples
+
+    @classmethod
+    def of(cls, group: Group, run: RunData, cloud_errors: CloudErrors | None = None) -> TrialValues:
+        """Return those of a group of a run; `cloud_errors` is as `summarise` takes it."""
+        truths = run.truths[group.protocol.id, group.protocol.sha256]
+        timed = [
+            trial.status is Status.OK and np.isfinite(trial.time_ms) and np.isfinite(trial.cpu_ms)
+            for trial in group.trials.values()
+        ]
+        return cls(
+            np.array(list(group.trials), dtype=np.int64).reshape(-1, 2),
+            np.array([truths[problem] is not None for problem, _ in group.trials], dtype=bool),
+            np.array(timed, dtype=bool),
+            samples_of(group, run, cloud_errors or {}),
+        )
+
+    def values(self, metric: Metric) -> Array:
+        """Return (n,) values, NaN where a trial has none."""
+        found = metric.per_trial(self.samples)
+        where = self.timed if metric.needs == "times" else self.known
+        values = np.full(len(self.places), np.nan)
+        if len(found) == where.sum():
+            values[where] = found
+        return values
+
+
+def paired_values(first: TrialValues, second: TrialValues, metric: Metric) -> tuple[Array, Array]:
+    """Return the values of a metric, (n,) each, of the trials that both have it of."""
+    ours, theirs = first.values(metric), second.values(metric)
+    if not np.array_equal(first.places, second.places):
+        at = {tuple(place): index for index, place in enumerate(second.places.tolist())}
+        common = [(i, at[place]) for i, place in enumerate(map(tuple, first.places.tolist())) if place in at]
+        ours, theirs = ours[[i for i, _ in common]], theirs[[j for _, j in common]]
+    both = np.isfinite(ours) & np.isfinite(theirs)
+    return ours[both], theirs[both]
