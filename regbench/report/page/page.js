@@ -427,7 +427,7 @@ function drawViews(place) {
 
   function drawPanel(canvas, clouds, centre, half, distances) {
     const context = canvas.getContext("2d"), { width, height } = canvas;
-    const scale = ((Math.min(width, height) / 2) * 0.95 * zoom) / half;
+    const scale = ((Math.min(width, height) / 2) * 1.25 * zoom) / half;
     const ground = dark.matches ? [22, 24, 27] : [255, 255, 255];
     const colours = dark.matches ? [[240, 160, 48], [86, 169, 234]] : [[230, 130, 0], [0, 104, 178]];
     const points = [];
