@@ -14,6 +14,7 @@ from regbench.errors import UserError
 from regbench.files import write_atomically
 from regbench.protocols.protocol import ProblemSet
 from regbench.report.manifest import ProtocolInfo
+from regbench.report.run_problems import answered_pair, open_problems
 from regbench.report.rundata import Group, RunData, Trial
 
 CACHE = Path("tables", "cloud_metrics.jsonl")
@@ -56,7 +57,7 @@ def _of_protocol(groups: Sequence[Group], run: RunData, data_dir: Path | None) -
                 trials[problem][_name(trial, protocol)] = trial
     missing = {problem: [name for name in named if name not in cache] for problem, named in trials.items()}
     if any(missing.values()):
-        problems = _open(protocol, data_dir)
+        problems = open_problems(protocol, data_dir)
         for problem, names in missing.items():
             if names:
                 answers = [trials[problem][name].T_target_source for name in names]
@@ -72,29 +73,11 @@ def _score(
 ) -> list[Errors]:
     from regbench.metrics.cloud import modified_chamfer, symmetry_aware_error  # loads scipy.spatial, 0.4 s
 
-    pair = problems.pair(problem)
-    if pair.T_target_source is None or not np.array_equal(pair.T_target_source, np.asarray(truth)):
-        raise UserError(
-            f"protocol {protocol.id}: problem {problem} is not the one that the run answered; the protocol has "
-            "changed since. Give the run's command again, or leave out the metrics that need the clouds"
-        )
+    pair = answered_pair(problems, protocol, problem, truth)
     estimates = np.array(answers, dtype=np.float64)
-    symmetric = symmetry_aware_error(estimates, pair.T_target_source, pair.source)
+    symmetric = symmetry_aware_error(estimates, np.asarray(truth, dtype=np.float64), pair.source)
     chamfer = modified_chamfer(estimates, pair.source, pair.target, pair.clean_source, pair.clean_target)
     return [dict(zip(KEYS, map(float, both), strict=True)) for both in zip(symmetric, chamfer, strict=True)]
-
-
-def _open(protocol: ProtocolInfo, data_dir: Path | None) -> ProblemSet:
-    from regbench.datasets.store import data_dir as usual_data_dir
-    from regbench.registry import find_protocol
-
-    folder = usual_data_dir(data_dir)
-    problems = find_protocol(protocol.id).open(folder)
-    if protocol.data_sha256 is not None and problems.data_sha256 != protocol.data_sha256:
-        raise UserError(
-            f"protocol {protocol.id}: the data in {folder} is not the data of the run; give the run's with --data"
-        )
-    return problems
 
 
 def _name(trial: Trial, protocol: ProtocolInfo) -> str:

@@ -47,7 +47,7 @@ def test_figures_are_those_of_the_pure_functions(run, demo, tmp_path):
 def test_they_are_kept_beside_the_run_and_not_computed_again(run, tmp_path, monkeypatch):
     before = figures(run, tmp_path)
     assert len((run / CACHE).read_text().splitlines()) == 2
-    monkeypatch.setattr("regbench.report.cloud_metrics._open", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr("regbench.report.cloud_metrics.open_problems", lambda *_: pytest.fail("computed again"))
     assert figures(run, tmp_path) == before
 
 
@@ -84,7 +84,7 @@ def test_other_problems_are_refused(run, tmp_path):
 
 
 def test_a_table_that_does_not_ask_for_them_computes_nothing(run, monkeypatch):
-    monkeypatch.setattr("regbench.report.cloud_metrics._open", lambda *_: pytest.fail("computed"))
+    monkeypatch.setattr("regbench.report.cloud_metrics.open_problems", lambda *_: pytest.fail("computed"))
     for format in ("text", "csv", "markdown", "latex", "json"):
         render([run], format=format)
     assert not (run / CACHE).exists()
