@@ -3,10 +3,10 @@
     python benchmarks/soak.py --minutes 60 --out soak.json
 
 One process carries out run after run (`regbench.runner.run`), each with all of soak_methods.py under a limit of 2 GB
-and 2 s a trial. Another looks at it every two seconds: its memory, threads and open files, and processes that are dead but
-not waited for. After each run its journal is held against what had to happen: a row for every trial, none twice, and
-the status that the trial's seed says. At the end no process that a run started may be alive. Exit code 1 if any of it
-does not hold.
+and 2 s a trial. Another looks at it every two seconds: its memory, threads and open files, and processes that are dead
+but not waited for. After each run its journal is held against what had to happen: a row for every trial, none twice,
+and the status that the trial's seed says. At the end no process that a run started may be alive. Exit code 1 if any of
+it does not hold.
 """
 
 import argparse
