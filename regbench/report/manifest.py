@@ -87,7 +87,7 @@ def read_manifest(run_dir: Path) -> Manifest:
         raise UserError(f"{path}: is not JSON ({error}); the file was damaged. Give the run's command again") from error
     try:
         return _parse(content)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"has no {error}" if isinstance(error, KeyError) else str(error)
         raise UserError(f"{path}: is not a run's manifest ({what})") from None
 
@@ -115,7 +115,7 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
             sha256=row["sha256"],
             data_sha256=row.get("data_sha256"),
             n=int(row["n"]),
-            headline_metrics=tuple(row["headline_metrics"]),
+            headline_metrics=tuple(map(str, row["headline_metrics"])),
             published=row["published"],
         )
         for row in content["protocols"]

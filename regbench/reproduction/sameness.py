@@ -90,20 +90,21 @@ def _distance(one: Trial, other: Trial) -> tuple[float, float]:
 def surroundings(before: Path, after: Path) -> list[str]:
     """Return what differs between the surroundings of two runs, in words: versions, commit, processor."""
     was, now = read_json(before / "manifest.json"), read_json(after / "manifest.json")
-    words = [
-        f"{name} {was.get('versions', {}).get(name, 'absent')} -> {now['versions'].get(name, 'absent')}"
-        for name in sorted({*was.get("versions", {}), *now["versions"]})
-        if was.get("versions", {}).get(name) != now["versions"].get(name)
-    ]
-    for what, key, part in (("regbench's commit", "git", "commit"), ("processor", "hardware", "cpu")):
-        old, new = _part(was, key, part), _part(now, key, part)
+    versions = {**_table(was, "versions"), **_table(now, "versions")}
+    places = [(name, "versions", name) for name in sorted(versions)]
+    places += [("regbench's commit", "git", "commit"), ("processor", "hardware", "cpu")]
+    words = []
+    for what, key, part in places:
+        old, new = (_table(manifest, key).get(part, "unknown") for manifest in (was, now))
         if old != new:
             words.append(f"{what} {old} -> {new}")
     return words
 
 
-def _part(manifest: Mapping[str, Any], key: str, part: str) -> str:
-    return str((manifest.get(key) or {}).get(part, "unknown"))
+def _table(manifest: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return a table of a manifest; empty where it says nothing, as outside a git checkout."""
+    value = manifest.get(key)
+    return value if isinstance(value, dict) else {}
 
 
 def in_words(comparisons: Sequence[Comparison], differing: Sequence[str]) -> str:

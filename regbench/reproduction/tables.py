@@ -22,6 +22,7 @@ from regbench.runner.status import Status
 
 # As the paper's Table 1 has them.
 CELLS = {"rmse_r_deg": "RMSE(R)", "rmse_t": "RMSE(t)", "mae_r_deg": "MAE(R)", "mae_t": "MAE(t)"}
+DIGITS = {"mae_t": 5}
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def run_part(
 
 
 def write_table(name: str, words: str, parts: Sequence[Part], folders: Sequence[Path], out: Path) -> list[Row]:
-    """Write NAME.md and NAME.csv, ours beside the paper's, and NAME-full.md and .json, all figures; return the rows.
+    """Write NAME.md and NAME.csv, ours beside the paper's, and NAME-full.md and .json, ours alone; return the rows.
 
     Args:
         name: Of the files.
@@ -95,7 +96,7 @@ def write_table(name: str, words: str, parts: Sequence[Part], folders: Sequence[
         folders: Where, in the same order.
         out: Where to write.
     """
-    full = render(folders, format="markdown", paper=True)
+    full = render(folders, format="markdown")
     write_atomically(out / f"{name}-full.md", full.encode() + b"\n")
     text = render(folders, format="json")
     write_atomically(out / f"{name}-full.json", text.encode() + b"\n")
@@ -147,7 +148,7 @@ def _our_row(printed_as: str, method: str, protocol: str, ours: Mapping[tuple[st
 def _markdown(rows: Sequence[Row]) -> list[str]:
     lines = [f"| row | n | {' | '.join(CELLS.values())} | recall 5° | failures |", "| --- |" + " ---: |" * 7]
     for row in rows:
-        cells = [_cell(row[key]) + ("!" if key in row["impossible"] else "") for key in CELLS]
+        cells = [_cell(row[key], DIGITS.get(key, 4)) + ("!" if key in row["impossible"] else "") for key in CELLS]
         name = row["method"].replace("[", "\\[").replace("]", "\\]").replace("|", "\\|")
         name = f"**{name}**" if row["failures"] is None else name
         ends = [_cell(row["recall_5deg"]), "not stated" if row["failures"] is None else str(row["failures"])]
@@ -155,11 +156,11 @@ def _markdown(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def _cell(value: Any) -> str:
-    """Return a cell: what is printed as it is, ours with the paper's four or five digits."""
+def _cell(value: Any, digits: int = 4) -> str:
+    """Return a cell: what is printed as it is, ours with so many digits after the point."""
     if value is None:
         return "-"
-    return value if isinstance(value, str) else f"{value:.4f}"
+    return value if isinstance(value, str) else f"{value:.{digits}f}"
 
 
 def _write_csv(path: Path, rows: Sequence[Row]) -> None:
