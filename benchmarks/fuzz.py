@@ -36,6 +36,11 @@ from pathlib import Path
 import numpy as np
 from fuzz_mutations import damaged
 
+if "--atheris" in sys.argv:  # it can only follow what is imported after it
+    import atheris
+
+    atheris.instrument_imports(include=["regbench", "regbench_data_prep"]).__enter__()
+
 from regbench.errors import UserError
 
 HANG_S, MEMORY_BYTES = 5, 2**30
@@ -573,8 +578,6 @@ def fuzz(name: str, inputs: int, seed: int, keep: Path | None) -> int:
 
 def fuzz_by_coverage(name: str, inputs: int) -> None:
     """Let atheris choose the inputs; it ends the process at the first finding, with the input in a file crash-..."""
-    import atheris
-
     target = TARGETS[name]
     folder, corpus = Path(tempfile.mkdtemp(dir="/dev/shm")), Path(tempfile.mkdtemp())
     for number, data in enumerate(target.seeds()):
@@ -610,12 +613,7 @@ def main() -> int:
     given = parser.parse_args()
     names = list(TARGETS) if "all" in given.target else given.target
     if given.atheris:
-        import atheris
-
-        with atheris.instrument_imports(include=["regbench", "regbench_data_prep"]):
-            TARGETS[names[0]].read  # noqa: B018 - its imports are inside functions and come with the first inputs
-            fuzz_by_coverage(names[0], given.inputs)
-        return 0
+        fuzz_by_coverage(names[0], given.inputs)
     return int(sum(fuzz(name, given.inputs, given.seed, given.keep) for name in names) > 0)
 
 
