@@ -171,5 +171,7 @@ def _read_truths(path: Path) -> dict[str, dict[int, Array | None]]:
             raise UserError(f"{path}: line {number} is not a problem; the file was damaged") from None
         if T is not None and (reason := why_not_rigid(T)):
             raise UserError(f"{path}: line {number}: T_target_source is not a motion: {reason}")
+        if T is not None and not _is_4x4(T):
+            raise UserError(f"{path}: line {number}: T_target_source is longer than any motion; the file was damaged")
         truths.setdefault(protocol, {})[problem] = None if T is None else np.array(T, dtype=np.float64)
     return truths

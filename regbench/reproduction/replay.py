@@ -54,7 +54,8 @@ def replay(
         ]
     except ValidationError as error:
         first = error.errors()[0]
-        words = f"config.{first['loc'][0]} = {first['input']!r}: {first['msg'].lower()}"
+        name = ".".join(["config", *map(str, first["loc"])])
+        words = f"{name} = {str(first['input'])[:80]!r}: {first['msg'].lower()}"
         raise UserError(f"{original / 'manifest.json'}: {words}; was it written by another regbench?") from None
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"{original / 'manifest.json'}: is not a run's manifest ({error})") from None

@@ -1,14 +1,18 @@
 """Damaged files get one clear line, never a traceback: a short run of benchmarks/fuzz.py; and what it has found."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from regbench_data_prep.archive import unpack
 
+from regbench.datasets.readers.child import read_in_child
 from regbench.errors import UserError
 from regbench.report.rundata import read_run
 from tests.runner.helpers import run_here
@@ -77,3 +81,24 @@ def test_a_member_without_a_name_is_a_broken_archive(tmp_path):
     (tmp_path / "a.zip").write_bytes(changed)
     with pytest.raises(UserError, match="broken archive"):
         unpack(tmp_path / "a.zip", tmp_path / "out")
+
+
+def test_a_crash_of_the_library_is_one_line(tmp_path):
+    """Found by atheris: a chunked array whose damaged lengths let HDF5 reach past its memory (SIGSEGV)."""
+
+    def dies():
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+    with pytest.raises(UserError, match=r"pack\.h5: not a readable HDF5 file \(its library died of it: SIGSEGV\)"):
+        read_in_child(tmp_path / "pack.h5", "HDF5 file", dies)
+
+
+@pytest.mark.parametrize("dtype", ["<f4", ">f8", "u1", "<i8"])
+@pytest.mark.parametrize("shape", [(0,), (5,), (2, 3, 4)])
+def test_an_array_comes_back_from_a_child_as_it_is(dtype, shape):
+    array = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    found = read_in_child(Path("x"), "file", lambda: array)
+    assert found.dtype == array.dtype
+    assert found.shape == array.shape
+    assert found.tobytes() == array.tobytes()
+    assert found.flags.writeable
