@@ -29,6 +29,7 @@ BROKEN = (
     EOFError,
     RuntimeError,
     ValueError,
+    IndexError,  # a member without a name
 )
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 PROTOCOL = "modelnet40/clean@1"
+PROBLEMS = 100
 ENCODERS, DECODERS = ("dgcnn", "folding"), ("folding", "mlp")
 REFINEMENTS: tuple[Literal["none", "icp"], ...] = ("none", "icp")
 # The paper's heatmap.
@@ -35,7 +36,7 @@ def reproduce(
     *,
     data: Path,
     steps: int,
-    limit: int,
+    limit: int | None,
     weights: str | None,
     changes: Sequence[str],
     device: Literal["auto", "cpu", "cuda"],
@@ -49,7 +50,7 @@ def reproduce(
         out: Folder: trainings/, measurements/, and table2, heatmap and time as CSV, Markdown and PNG.
         data: Folder of the prepared datasets.
         steps: Of each of the four trainings.
-        limit: The first so many problems of modelnet40/clean@1 are measured.
+        limit: The first so many problems of modelnet40/clean@1 are measured; None: 100.
         weights: For heatmap and time: a name in this package, a path that ends in .safetensors, or None: modelnet40.
         changes: Over the recipe modelnet40 of the trainings, as `regbench train --set` takes them.
         device: Of the trainings and the measurements.
@@ -73,7 +74,7 @@ def reproduce(
     LatentCem(weights=str(given)).prepare()
     torch.set_num_threads(threads)
     on = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
-    problems = Problems.of(PROTOCOL, data, limit, on)
+    problems = Problems.of(PROTOCOL, data, PROBLEMS if limit is None else limit, on)
     trained: dict[tuple[str, str], Path] = {}
     for encoder in ENCODERS:
         for decoder in DECODERS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,6 +29,16 @@ class NamesBelow(TyperCommand):
             "reproduce": registry.REPRODUCTIONS,
         }[self.name or ""]
         formatter.write(f"\nNames: {', '.join(registry.names(group))}.\n")
+
+
+def refuse_given(context: typer.Context, names: Sequence[str], words: str) -> None:
+    """Raise UserError if one of these options is on the command line: it would be of no effect."""
+    from regbench.errors import UserError
+
+    for parameter in context.command.params:
+        source: Any = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name == "COMMANDLINE":
+            raise UserError(f"{parameter.opts[0]} {words}")
 
 
 def help_without_verb(context: typer.Context) -> None:

@@ -87,7 +87,7 @@ def read_manifest(run_dir: Path) -> Manifest:
         raise UserError(f"{path}: is not JSON ({error}); the file was damaged. Give the run's command again") from error
     try:
         return _parse(content)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"has no {error}" if isinstance(error, KeyError) else str(error)
         raise UserError(f"{path}: is not a run's manifest ({what})") from None
 
@@ -96,30 +96,47 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
     rows, config = content["methods"], content["config"]
     settings = ", ".join(f"{option} {config[option]}" for option in SETTINGS if option in config)
     methods = {
-        row["method"]: MethodInfo(
-            row["method"],
-            row["kind"],
+        _text(row, "method"): MethodInfo(
+            _text(row, "method"),
+            _kind(row),
             bool(row["sees_ground_truth"]),
-            row["fingerprint"],
+            _text(row, "fingerprint"),
             settings,
-            row.get("training"),
+            _text_or_none(row, "training"),
         )
         for row in rows
     }
     protocols = {
-        row["id"]: ProtocolInfo(
-            id=row["id"],
-            label=row["id"],
-            description=row["description"],
-            dataset=row["dataset"],
-            sha256=row["sha256"],
-            data_sha256=row.get("data_sha256"),
+        _text(row, "id"): ProtocolInfo(
+            id=_text(row, "id"),
+            label=_text(row, "id"),
+            description=_text(row, "description"),
+            dataset=_text_or_none(row, "dataset"),
+            sha256=_text(row, "sha256"),
+            data_sha256=_text_or_none(row, "data_sha256"),
             n=int(row["n"]),
-            headline_metrics=tuple(row["headline_metrics"]),
-            published=row["published"],
+            headline_metrics=tuple(map(str, row["headline_metrics"])),
+            published=_text_or_none(row, "published"),
         )
         for row in content["protocols"]
     }
     hardware = content["hardware"]
     machine = f"{hardware['cpu']}, {hardware['cores']} cores"
     return Manifest(methods, protocols, int(config.get("repeat", 1)), machine, str(config.get("device", "cpu")))
+
+
+def _text(row: Mapping[str, Any], key: str) -> str:
+    if not isinstance(value := row[key], str):
+        raise TypeError(f"'{key}' is no text")
+    return value
+
+
+def _text_or_none(row: Mapping[str, Any], key: str) -> str | None:
+    return None if row.get(key) is None else _text(row, key)
+
+
+def _kind(row: Mapping[str, Any]) -> str:
+    kind = _text(row, "kind")
+    if kind == "published":
+        raise ValueError("a method is of kind 'published', which the paper's rows are")
+    return kind

@@ -64,6 +64,11 @@ def published_rows(column_group: str, protocol: str) -> list[dict[str, Any]]:
     return rows
 
 
+def published_times() -> list[dict[str, str]]:
+    """Return the running times that the paper's text gives, as printed: method, ms_per_pair, device."""
+    return _read("paper_runtime.csv")
+
+
 def _impossible(cells: Mapping[str, str], n: int) -> dict[str, float]:
     """Return the ratio RMSE / MAE by key, for the pairs of cells whose ratio no residuals of n pairs can have.
 

@@ -83,6 +83,8 @@ class RunData:
 
 
 IDENTITY = np.eye(4).tolist()
+# What the runner let pass as rigid is well within; beyond them products of entries overflow.
+LARGEST_COSINE, LARGEST_TRANSLATION = 1.1, 1e100
 
 
 def read_run(run_dir: Path) -> RunData:
@@ -128,7 +130,7 @@ def _read_trials(path: Path, manifest: Manifest) -> tuple[dict[tuple[str, str], 
                 stale += 1
                 continue
             group[int(row["problem"]), int(row["repeat"])] = _trial(row)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:  # JSON's whole numbers have no end
             what = f"has no {error}" if isinstance(error, KeyError) else str(error)
             raise UserError(f"{path}: line {number} is not a trial ({what}); the file was damaged") from None
     return {key: dict(sorted(group.items())) for key, group in trials.items()}, stale
@@ -149,7 +151,9 @@ def _is_4x4(value: object) -> bool:
     """Look for 4x4 finite numbers, cheaply: thousands of rows; that it is rigid was the runner's to check."""
     if not (isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) for row in value)):
         return False
-    return all(len(row) == 4 and all(math.isfinite(entry) for entry in row) for row in value)
+    if not all(len(row) == 4 and all(math.isfinite(entry) for entry in row) for row in value):
+        return False
+    return all(max(map(abs, row[:3])) < LARGEST_COSINE and abs(row[3]) < LARGEST_TRANSLATION for row in value)
 
 
 def _read_truths(path: Path) -> dict[str, dict[int, Array | None]]:
@@ -163,9 +167,11 @@ def _read_truths(path: Path) -> dict[str, dict[int, Array | None]]:
         try:
             row = json.loads(line)
             protocol, problem, T = str(row["protocol"]), int(row["problem"]), row["T_target_source"]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError):
             raise UserError(f"{path}: line {number} is not a problem; the file was damaged") from None
         if T is not None and (reason := why_not_rigid(T)):
             raise UserError(f"{path}: line {number}: T_target_source is not a motion: {reason}")
+        if T is not None and not _is_4x4(T):
+            raise UserError(f"{path}: line {number}: T_target_source is longer than any motion; the file was damaged")
         truths.setdefault(protocol, {})[problem] = None if T is None else np.array(T, dtype=np.float64)
     return truths

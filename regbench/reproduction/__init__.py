@@ -1,0 +1,1 @@
+"""Doing again: what a run did, and what a paper printed."""
