@@ -83,6 +83,7 @@ class RunData:
 
 
 IDENTITY = np.eye(4).tolist()
+MOST = 2**31
 # What the runner let pass as rigid is well within; beyond them products of entries overflow.
 LARGEST_COSINE, LARGEST_TRANSLATION = 1.1, 1e100
 
@@ -129,11 +130,19 @@ def _read_trials(path: Path, manifest: Manifest) -> tuple[dict[tuple[str, str], 
             if group is None or not fresh:
                 stale += 1
                 continue
-            group[int(row["problem"]), int(row["repeat"])] = _trial(row)
+            group[_count(row["problem"]), _count(row["repeat"])] = _trial(row)
         except (KeyError, TypeError, ValueError, OverflowError) as error:  # JSON's whole numbers have no end
             what = f"has no {error}" if isinstance(error, KeyError) else str(error)
             raise UserError(f"{path}: line {number} is not a trial ({what}); the file was damaged") from None
     return {key: dict(sorted(group.items())) for key, group in trials.items()}, stale
+
+
+def _count(value: Any) -> int:
+    """Return the number of a problem or a repeat, which fits NumPy's."""
+    number = int(value)
+    if not 0 <= number < MOST:
+        raise ValueError("a problem's or a repeat's number is out of range")
+    return number
 
 
 def _trial(row: Mapping[str, Any]) -> Trial:

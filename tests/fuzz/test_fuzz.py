@@ -45,6 +45,7 @@ def finished(tmp_path_factory):
         ("trials.jsonl", '"time_ms":', f'"time_ms":1{"0" * 400},"was":'),
         ("trials.jsonl", "[[1.0,", f"[[1{'0' * 400},"),
         ("trials.jsonl", "[[1.0,", "[[1e308,"),
+        ("trials.jsonl", '"repeat":0', f'"repeat":1{"0" * 30}'),
         ("problems.jsonl", '"problem":0', '"problem":Infinity'),
         ("manifest.json", '"n": 1', '"n": Infinity'),
     ],
