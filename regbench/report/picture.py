@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
-Clouds = Sequence[tuple[Array, Colour]]
+Clouds = Sequence[tuple[Array, Colour | Array]]
 Up = Literal["y", "z"]
 
 # Blue and orange of Okabe and Ito's palette: told apart with every common kind of colour blindness, and in grey.
@@ -73,7 +73,7 @@ def render_pair(before: Clouds, after: Clouds, *, up: Up = "z", size: tuple[int,
     """Return two panels side by side, seen from one direction at one scale, each centred on what it shows.
 
     Args:
-        before: (points (N, 3), colour (red, green, blue) of 0..255) of each cloud on the left.
+        before: (points (N, 3), colour (red, green, blue) of 0..255, of all or (N, 3)) of each cloud on the left.
         after: Likewise on the right.
         up: The clouds' axis that points upwards.
         size: Width and height in pixels.
@@ -146,7 +146,9 @@ def _box(seen: Array) -> tuple[Array, Array]:
 
 def _colours(clouds: Clouds) -> Array:
     """Return the colour of every point of some clouds, (N, 3)."""
-    return np.concatenate([np.tile(np.array(colour, dtype=np.float64), (len(points), 1)) for points, colour in clouds])
+    return np.concatenate(
+        [np.broadcast_to(np.asarray(colour, dtype=np.float64), (len(points), 3)) for points, colour in clouds]
+    )
 
 
 def _panel(shape: tuple[int, int], seen: Array, colours: Array, scale: float, radius: float) -> Array:
