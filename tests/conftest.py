@@ -2,6 +2,8 @@
 
 import os
 import signal
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,6 +22,14 @@ def pytest_configure() -> None:
         if signal.getsignal(number) == signal.SIG_IGN:
             signal.signal(number, handler)
     settle()
+
+
+@pytest.fixture(autouse=True)
+def path_of_imports() -> Iterator[None]:
+    """Leave no plugin's folder on sys.path: what lies in it would be an installed module to the tests after it."""
+    before = [*sys.path]
+    yield
+    sys.path[:] = before
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from regbench.learning.budget import training_budget
+
 
 def training_words(weights: Path) -> str | None:
     """Return supervision and budget, such as "supervised, 64,000 samples, 1.2 h on AMD EPYC, 1 thread".
@@ -19,10 +21,11 @@ def training_words(weights: Path) -> str | None:
     try:
         card: dict[str, Any] = json.loads(weights.with_suffix(".json").read_bytes())
         parts = [str(card.get("supervision", "supervision not stated"))]
-        if card.get("steps"):
-            parts.append(f"{card['steps'] * card['recipe']['training']['batch']:,} samples")
         if "hours" in card:
-            parts.append(f"{card['hours']:.1f} h on {card.get('device', 'a device not stated')}")
+            budget = training_budget(card)
+            if budget["samples"]:
+                parts.append(f"{budget['samples']:,} samples")
+            parts.append(f"{budget['hours']:.1f} h on {card.get('device', 'a device not stated')}")
     except (OSError, ValueError, KeyError, TypeError, AttributeError):  # a card is a file, and may hold anything
         return None
     return ", ".join(parts)

@@ -10,6 +10,8 @@ from regbench.learning.weight_files import SUFFIX
 from regbench.learning.weights import load_weights
 
 Entry = dict[str, Any]
+# What an entry has of a card; "before" and "curve" where the training began from other weights and was validated.
+KNOWN = ("steps", "hours", "before", "device", "monitor", "validation", "curve", "sha256")
 
 
 def weights_in(folder: Path, method: str) -> list[Entry]:
@@ -29,7 +31,7 @@ def _entry(path: Path, method: str) -> Entry:
     except UserError as error:
         return {**entry, "ok": False, "reason": str(error)}
     card = weights.card
-    known = {key: card.get(key) for key in ("steps", "hours", "device", "monitor", "validation", "sha256")}
+    known = {key: card.get(key) for key in KNOWN}
     parameters = sum(tensor.numel() for tensor in weights.tensors.values())
     return {**entry, "ok": True, "parameters": parameters, **known}
 

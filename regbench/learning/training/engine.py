@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from regbench.errors import UserError
 from regbench.files import write_atomically
+from regbench.learning.budget import training_budget
 from regbench.learning.training.folder import TrainingFolder
 from regbench.learning.training.recipe import Recipe
 
@@ -133,6 +134,7 @@ def _fit(
         "device": _device_words(on_cuda, devices),
         "torch": torch.__version__,
         "started_from": weights.card["sha256"] if weights else None,
+        **(_history(weights.card) if weights else {}),
     }
     card = trainable.card()
     checkpoint = _read_checkpoint(folder, facts["started_from"], card)
@@ -189,6 +191,14 @@ def _fit(
     return Outcome(
         folder, trainer.global_step, training.steps, signal, keeper.best, trainable.monitor, trainer.is_global_zero
     )
+
+
+def _history(card: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the card of the weights that a training starts from says of how they came to be."""
+    try:
+        return {"before": training_budget(card), "curve": list(card.get("curve", []))}
+    except (KeyError, TypeError, AttributeError):  # weights that were imported, or a card written by hand
+        return {}
 
 
 def _read_checkpoint(

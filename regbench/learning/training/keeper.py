@@ -110,13 +110,15 @@ class Keeper(Callback):
         saving = last or stopping or step % training.checkpoint_every == 0
         if validating or saving or step % training.log_every == 0:
             row = self._averages(trainer, pl_module, step, check_weights=validating or saving)
-            if validating:
-                row |= self._validate(trainer, pl_module, step)
+            figures = self._validate(trainer, pl_module) if validating else {}
+            row |= {VALIDATION_COLUMN + name: value for name, value in figures.items()}
             if trainer.is_global_zero:
                 self._log.add(row)
                 self._progress.row(row)
                 if validating:
                     plot_training(self._log.rows, self._folder.plot)
+            if validating:
+                self._keep_best(trainer, pl_module, step, figures)
         if saving:
             _save_checkpoint(trainer, self._folder.last)
             self._saved_step = step
@@ -150,11 +152,12 @@ class Keeper(Callback):
         row = {"step": step, "seconds": self._seconds(), "learning_rate": rate}
         return row | {LOSS + name: value for name, value in losses.items()}
 
-    def _validate(self, trainer: Trainer, module: TrainingModule, step: int) -> dict[str, float]:
-        figures: dict[str, float] = {}
-        if trainer.is_global_zero:
-            figures = self._figures(module)
-        figures = trainer.strategy.broadcast(figures)
+    def _validate(self, trainer: Trainer, module: TrainingModule) -> dict[str, float]:
+        figures = self._figures(module) if trainer.is_global_zero else {}
+        broadcast: dict[str, float] = trainer.strategy.broadcast(figures)
+        return broadcast
+
+    def _keep_best(self, trainer: Trainer, module: TrainingModule, step: int, figures: dict[str, float]) -> None:
         monitor = module.trainable.monitor
         lowest = math.inf if self.best is None else self.best["figures"][monitor]
         if figures[monitor] < lowest:
@@ -162,7 +165,6 @@ class Keeper(Callback):
             if trainer.is_global_zero:
                 self._ship(module, step)
             _save_checkpoint(trainer, self._folder.best)
-        return {VALIDATION_COLUMN + name: value for name, value in figures.items()}
 
     def _figures(self, module: TrainingModule) -> dict[str, float]:
         seed_torch(self._recipe.training.seed, VALIDATION)
@@ -188,8 +190,25 @@ class Keeper(Callback):
             **self._facts,
             "monitor": trainable.monitor,
             "validation": self.best["figures"],
+            "curve": [*self._facts.get("curve", []), *self._curve()],
         }
         save_weights(self._folder.weights, trainable.tensors(module.shipped), card)
+
+    def _curve(self) -> list[dict[str, float]]:
+        """Return each validation so far, by the samples seen and the hours, those of earlier trainings counted too."""
+        before = self._facts.get("before", {"samples": 0, "hours": 0.0})
+        points = []
+        for row in self._log.rows:
+            figures = {
+                name.removeprefix(VALIDATION_COLUMN): value
+                for name, value in row.items()
+                if name.startswith(VALIDATION_COLUMN)
+            }
+            if figures:
+                samples = before["samples"] + int(row["step"]) * self._recipe.training.batch
+                hours = round(before["hours"] + row["seconds"] / 3600, 4)
+                points.append({"samples": samples, "hours": hours, **figures})
+        return points
 
     def _seconds(self) -> float:
         return self._seconds_before + time.monotonic() - self._began

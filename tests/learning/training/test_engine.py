@@ -15,6 +15,7 @@ import torch
 from regbench.errors import UserError
 from regbench.learning.training import engine, keeper
 from regbench.learning.training.engine import train
+from regbench.learning.training_words import training_words
 from regbench.learning.weights import load_weights
 from tests.learning.training.toy_training import Toy, toy_recipe
 
@@ -187,6 +188,9 @@ def test_the_card_says_what_made_the_weights(whole):
     assert card["torch"] == torch.__version__
     assert "1 thread" in card["device"]
     assert card["started_from"] is None
+    assert [point["samples"] for point in card["curve"]] == [60, 120][: len(card["curve"])]
+    assert card["curve"][-1]["samples"] == card["steps"] * 6
+    assert card["curve"][-1]["error"] == pytest.approx(best["figures"]["error"], rel=1e-5)
 
 
 def test_the_averaged_weights_are_shipped(whole):
@@ -260,6 +264,13 @@ def test_training_may_start_from_weights(whole):
     for name in ("0.weight", "0.bias"):
         torch.testing.assert_close(shipped.tensors[name], given.tensors[name], rtol=0, atol=1e-6)
     assert shipped.card["started_from"] == given.card["sha256"]
+    first = {"samples": given.card["steps"] * 6, "hours": given.card["hours"]}
+    assert shipped.card["before"] == first
+    assert shipped.card["curve"][: len(given.card["curve"])] == given.card["curve"]
+    assert shipped.card["curve"][-1]["samples"] == first["samples"] + shipped.card["steps"] * 6
+    assert training_words(Path("run/toy.safetensors")).startswith(
+        f"supervision not stated, {first['samples'] + shipped.card['steps'] * 6:,} samples, "
+    )
     with pytest.raises(UserError, match="--from now asks for fresh weights; give another --out"):
         run("run", recipe=toy_recipe(learning_rate=1e-12, weight_decay=0.0, average=0.0))
 
