@@ -25,7 +25,11 @@ def training_words(weights: Path) -> str | None:
             budget = training_budget(card)
             if budget["samples"]:
                 parts.append(f"{budget['samples']:,} samples")
-            parts.append(f"{budget['hours']:.1f} h on {card.get('device', 'a device not stated')}")
+            parts.append(f"{_duration(budget['hours'])} on {card.get('device', 'a device not stated')}")
     except (OSError, ValueError, KeyError, TypeError, AttributeError):  # a card is a file, and may hold anything
         return None
     return ", ".join(parts)
+
+
+def _duration(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"

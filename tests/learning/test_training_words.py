@@ -24,6 +24,12 @@ CARD = {
         ({}, "supervised, 64,000 samples, 1.2 h on AMD EPYC, 1 thread"),
         ({"steps": 0}, "supervised, 1.2 h on AMD EPYC, 1 thread"),
         ({"supervision": "unsupervised"}, "unsupervised, 64,000 samples, 1.2 h on AMD EPYC, 1 thread"),
+        ({"hours": 0.3155}, "supervised, 64,000 samples, 19 min on AMD EPYC, 1 thread"),
+        (
+            {"before": {"samples": 7600, "hours": 0.5}},
+            "supervised, 71,600 samples, 1.7 h on AMD EPYC, 1 thread",
+        ),
+        ({"before": "none"}, None),
         ({"recipe": 5}, None),
         ({"hours": "long"}, None),
     ],
