@@ -7,7 +7,23 @@ from collections.abc import Sequence
 
 import typer
 
-from regbench.cli import align, check, data, doctor, ls, new, plot, report, reproduce, run, show, table, train, weights
+from regbench.cli import (
+    align,
+    check,
+    compare,
+    data,
+    doctor,
+    ls,
+    new,
+    plot,
+    report,
+    reproduce,
+    run,
+    show,
+    table,
+    train,
+    weights,
+)
 from regbench.cli.options import NamesBelow, help_without_verb
 from regbench.compiled.cache import settle
 from regbench.errors import UserError
@@ -26,6 +42,7 @@ app = typer.Typer(
 
 app.command("run")(run.run)
 app.command("table")(table.table)
+app.command("compare")(compare.compare)
 app.command("report")(report.report)
 app.command("show")(show.show)
 app.command("train")(train.train)
