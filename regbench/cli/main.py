@@ -13,6 +13,7 @@ from regbench.cli import (
     compare,
     data,
     doctor,
+    export,
     ls,
     new,
     plot,
@@ -43,6 +44,7 @@ app = typer.Typer(
 app.command("run")(run.run)
 app.command("table")(table.table)
 app.command("compare")(compare.compare)
+app.command("export")(export.export)
 app.command("report")(report.report)
 app.command("show")(show.show)
 app.command("train")(train.train)
