@@ -15,6 +15,7 @@ from regbench.cli import (
     doctor,
     export,
     ls,
+    merge,
     new,
     plot,
     report,
@@ -45,6 +46,7 @@ app.command("run")(run.run)
 app.command("table")(table.table)
 app.command("compare")(compare.compare)
 app.command("export")(export.export)
+app.command("merge")(merge.merge)
 app.command("report")(report.report)
 app.command("show")(show.show)
 app.command("train")(train.train)

@@ -63,12 +63,12 @@ class ProtocolInfo:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A run's manifest, by name as asked for and by protocol id."""
+    """A run's manifest, by name as asked for and by protocol id; `machines` are the processors that ran trials."""
 
     methods: Mapping[str, MethodInfo]
     protocols: Mapping[str, ProtocolInfo]
     repeat: int
-    machine: str
+    machines: tuple[str, ...]
     device: str
 
 
@@ -120,9 +120,9 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
         )
         for row in content["protocols"]
     }
-    hardware = content["hardware"]
-    machine = f"{hardware['cpu']}, {hardware['cores']} cores"
-    return Manifest(methods, protocols, int(config.get("repeat", 1)), machine, str(config.get("device", "cpu")))
+    hardware = [content["hardware"], *content.get("also_measured_on", [])]
+    machines = tuple(dict.fromkeys(f"{machine['cpu']}, {machine['cores']} cores" for machine in hardware))
+    return Manifest(methods, protocols, int(config.get("repeat", 1)), machines, str(config.get("device", "cpu")))
 
 
 def _text(row: Mapping[str, Any], key: str) -> str:

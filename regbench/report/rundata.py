@@ -110,7 +110,7 @@ def read_run(run_dir: Path) -> RunData:
                 "trials.jsonl answers; the file was damaged or belongs to another run. Give the run's command again"
             )
     by_hash = {(info.id, info.sha256): truths.get(info.id, {}) for info in manifest.protocols.values()}
-    return RunData(groups, by_hash, stale, [manifest.machine])
+    return RunData(groups, by_hash, stale, manifest.machines)
 
 
 def _read_trials(path: Path, manifest: Manifest) -> tuple[dict[tuple[str, str], Trials], int]:

@@ -36,7 +36,7 @@ def trial_records(
     """
     for run_dir in run_dirs:
         run = choose(read_run(run_dir), protocols, methods)
-        names, hardware = problem_names([run_dir]), read_manifest(run_dir).machine
+        names, hardware = problem_names([run_dir]), " and ".join(read_manifest(run_dir).machines)
         for group in run.groups:
             yield from _of_group(group, run, run_dir, hardware, names)
 

@@ -47,7 +47,7 @@ def figures_by_file(run_dirs: Sequence[Path], registry: MethodRegistry) -> tuple
                 continue
             row = summarise_group(group, run, {})
             figures = {key: row[key] for key in ("n", "failures", *KEYS)}
-            figures["machine"] = f"{manifest.machine}; {group.method.settings}"
+            figures["machine"] = f"{' and '.join(manifest.machines)}; {group.method.settings}"
             for file in files:
                 by_protocol = found.setdefault(file, {}).setdefault(group.method.method, {})
                 by_protocol.setdefault(group.protocol.id, {})[manifest.device] = figures
