@@ -15,7 +15,8 @@ from regbench.files import write_atomically
 from regbench.protocols.protocol import ProblemSet
 from regbench.report.manifest import ProtocolInfo
 from regbench.report.run_problems import answered_pair, open_problems
-from regbench.report.rundata import Group, RunData, Trial
+from regbench.report.rundata import Group, RunData
+from regbench.report.trials import Trial
 
 CACHE = Path("tables", "cloud_metrics.jsonl")
 KEYS = ("symmetry_aware_error", "modified_chamfer")

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from regbench.errors import UserError
-from regbench.report.rundata import Array, Group, RunData, read_run
+from regbench.report.rundata import Group, RunData, read_run
+from regbench.report.truths import Truths
 
 
 def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
@@ -28,10 +29,10 @@ def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
     groups = [group for run in runs for group in run.groups]
     if not mixed:
         _refuse_mixture(groups)
-    truths: dict[tuple[str, str], dict[int, Array | None]] = {}
+    truths: dict[tuple[str, str], Truths] = {}
     for run in runs:
         for protocol, known in run.truths.items():
-            truths.setdefault(protocol, {}).update(known)
+            truths[protocol] = truths[protocol].joined(known) if protocol in truths else known
     return RunData(
         _named_apart(_merged(groups)),
         truths,
@@ -79,7 +80,7 @@ def _joined(first: Group, second: Group) -> Group:
     return replace(
         second,
         repeat=max(first.repeat, second.repeat),
-        trials=dict(sorted({**first.trials, **second.trials}.items())),
+        trials=first.trials.joined(second.trials),
         run_dirs=(*first.run_dirs, *second.run_dirs),
     )
 

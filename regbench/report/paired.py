@@ -11,7 +11,6 @@ from regbench.metrics.samples import Samples
 from regbench.metrics.table import Metric
 from regbench.report.rundata import Group, RunData
 from regbench.report.summary import CloudErrors, samples_of
-from regbench.runner.status import Status
 
 Array = NDArray[np.float64]
 
@@ -35,15 +34,12 @@ class TrialValues:
     @classmethod
     def of(cls, group: Group, run: RunData, cloud_errors: CloudErrors | None = None) -> TrialValues:
         """Return those of a group of a run; `cloud_errors` is as `summarise` takes it."""
-        truths = run.truths[group.protocol.id, group.protocol.sha256]
-        timed = [
-            trial.status is Status.OK and np.isfinite(trial.time_ms) and np.isfinite(trial.cpu_ms)
-            for trial in group.trials.values()
-        ]
+        trials = group.trials
+        truths = run.truths[group.protocol.id, group.protocol.sha256].of(trials.problems)
         return cls(
-            np.array(list(group.trials), dtype=np.int64).reshape(-1, 2),
-            np.array([truths[problem] is not None for problem, _ in group.trials], dtype=bool),
-            np.array(timed, dtype=bool),
+            np.stack([trials.problems, trials.repeats], axis=1),
+            ~np.isnan(truths[:, 0, 0]),
+            trials.answered & np.isfinite(trials.time_ms) & np.isfinite(trials.cpu_ms),
             samples_of(group, run, cloud_errors or {}),
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from regbench.metrics.samples import Samples
 from regbench.metrics.table import METRICS, Metric
 from regbench.report.rundata import Group, RunData
-from regbench.runner.status import Status
+from regbench.report.trials import Trials
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -41,7 +40,6 @@ def summarise(run: RunData, cloud_errors: CloudErrors | None = None) -> list[Row
 def summarise_group(group: Group, run: RunData, cloud_errors: CloudErrors) -> Row:
     """Return the row of one method on one protocol; see `summarise`."""
     samples = samples_of(group, run, cloud_errors)
-    failures = Counter(trial.status.value for trial in group.trials.values() if trial.status is not Status.OK)
     figures = {
         metric.key: _figure(metric, samples)
         for metric in METRICS.values()
@@ -51,7 +49,7 @@ def summarise_group(group: Group, run: RunData, cloud_errors: CloudErrors) -> Ro
         "method": group.method.method,
         "protocol": group.protocol.label,
         "n": len(group.trials),
-        "failures": {status.value: failures[status] for status in Status if failures[status]},
+        "failures": group.trials.failures(),
         **figures,
         "kind": group.method.kind,
         "sees_ground_truth": group.method.sees_ground_truth,
@@ -64,29 +62,27 @@ def summarise_group(group: Group, run: RunData, cloud_errors: CloudErrors) -> Ro
 
 def samples_of(group: Group, run: RunData, cloud_errors: CloudErrors) -> Samples:
     """Return errors and times of one method on one protocol."""
-    truths = run.truths[group.protocol.id, group.protocol.sha256]
-    known = [(trial, truths[problem]) for (problem, _), trial in group.trials.items() if truths[problem] is not None]
+    trials = group.trials
+    truths = run.truths[group.protocol.id, group.protocol.sha256].of(trials.problems)
+    known = ~np.isnan(truths[:, 0, 0])
     by_metric = {
-        key: np.array([errors[trial.key] for trial, _ in known if trial.key in errors], dtype=np.float64)
+        key: np.array([errors[name] for name in trials.trial_keys[known] if name in errors], dtype=np.float64)
         for key, errors in cloud_errors.items()
     }
     empty = np.empty(0)
     return Samples.of_motions(
-        np.array([trial.T_target_source for trial, _ in known], dtype=np.float64).reshape(-1, 4, 4),
-        np.array([truth for _, truth in known], dtype=np.float64).reshape(-1, 4, 4),
-        time_ms=_times(group, "time_ms"),
-        cpu_ms=_times(group, "cpu_ms"),
+        trials.T_target_source[known],
+        truths[known],
+        time_ms=_times(trials.time_ms, trials),
+        cpu_ms=_times(trials.cpu_ms, trials),
         symmetry_aware_errors=by_metric.get("symmetry_aware_error", empty),
         modified_chamfers=by_metric.get("modified_chamfer", empty),
     )
 
 
-def _times(group: Group, name: str) -> Array:
+def _times(values_ms: Array, trials: Trials) -> Array:
     """Return the times of the trials that answered; a trial without a measurement is left out."""
-    values = np.array(
-        [getattr(trial, name) for trial in group.trials.values() if trial.status is Status.OK], dtype=np.float64
-    )
-    return values[np.isfinite(values)]
+    return values_ms[trials.answered & np.isfinite(values_ms)]
 
 
 def _figure(metric: Metric, samples: Samples) -> float | None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from regbench.metrics.recall import THRESHOLDS
 from regbench.metrics.samples import Samples
 from regbench.report.rundata import Group, RunData
-from regbench.runner.status import Status
 
 Array = NDArray[np.float64]
 
@@ -45,16 +44,14 @@ class TrialErrors:
 
 def trial_errors(group: Group, run: RunData) -> TrialErrors:
     """Return the errors of one method on one protocol, a failed trial scored as the identity."""
-    truths = run.truths[group.protocol.id, group.protocol.sha256]
-    known = [(problem, trial) for (problem, _), trial in group.trials.items() if truths[problem] is not None]
-    estimates = np.array([trial.T_target_source for _, trial in known], dtype=np.float64).reshape(-1, 4, 4)
-    samples = Samples.of_motions(
-        estimates, np.array([truths[problem] for problem, _ in known], dtype=np.float64).reshape(-1, 4, 4)
-    )
+    trials = group.trials
+    truths = run.truths[group.protocol.id, group.protocol.sha256].of(trials.problems)
+    known = ~np.isnan(truths[:, 0, 0])
+    samples = Samples.of_motions(trials.T_target_source[known], truths[known])
     return TrialErrors(
-        problems=np.array([problem for problem, _ in known], dtype=np.int64),
-        answered=np.array([trial.status is Status.OK for _, trial in known], dtype=np.bool_),
+        problems=trials.problems[known],
+        answered=trials.answered[known],
         rotation_errors_deg=samples.rotation_errors_deg,
         translation_errors=samples.translation_errors,
-        T_target_source=estimates,
+        T_target_source=trials.T_target_source[known],
     )

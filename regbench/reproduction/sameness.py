@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from regbench.metrics.rotation import rotation_error_deg
-from regbench.report.rundata import Group, RunData, Trial
+from regbench.report.rundata import Group, RunData
+from regbench.report.trials import Trial
 from regbench.runner.rundir import read_json
 from regbench.runner.status import Status
 

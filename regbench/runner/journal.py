@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,30 +15,45 @@ from regbench.errors import UserError
 Row = dict[str, Any]
 
 
-def read_rows(path: Path) -> list[Row]:
-    """Return the rows of a journal, in the order they were written; a torn last line is left out.
+# How much of a journal's end is looked at in one go for its last whole line.
+CHUNK_BYTES = 65536
+
+
+def rows_in(path: Path) -> Iterator[Row]:
+    """Yield the rows of a journal, one in memory at a time, in the order written; a torn last line is left out.
 
     Raises:
         UserError: The file cannot be read, or a line before the last is not a row.
     """
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            for number, line in enumerate(file, start=1):
+                if line.endswith(b"\n"):
+                    yield _row(path, number, line)
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror})") from error
-    rows: list[Row] = []
-    whole = data[: data.rfind(b"\n") + 1]
-    for number, line in enumerate(whole.splitlines(), start=1):
-        try:
-            row = json.loads(line)
-        except ValueError:
-            row = None
-        if not isinstance(row, dict) or not isinstance(row.get("key"), str):
-            raise UserError(
-                f"{path}: line {number} is not a trial; the file was damaged by something other than a run. "
-                "Remove that line (its trial will run again) or start with --fresh"
-            )
-        rows.append(row)
-    return rows
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Return all rows of a journal, as `rows_in` yields them: some 3 kB each, so not for what may be a million.
+
+    Raises:
+        UserError: As `rows_in`.
+    """
+    return list(rows_in(path))
+
+
+def _row(path: Path, number: int, line: bytes) -> Row:
+    try:
+        row = json.loads(line)
+    except (ValueError, RecursionError):
+        row = None
+    if not isinstance(row, dict) or not isinstance(row.get("key"), str):
+        raise UserError(
+            f"{path}: line {number} is not a trial; the file was damaged by something other than a run. "
+            "Remove that line (its trial will run again) or start with --fresh"
+        )
+    return row
 
 
 class Journal:
@@ -66,10 +82,17 @@ class Journal:
         self._cut_torn_line()
 
     def _cut_torn_line(self) -> None:
-        self._file.seek(0)
-        data = self._file.read()
-        whole = data.rfind(b"\n") + 1
-        self.torn_bytes = len(data) - whole
+        size = end = self._file.seek(0, os.SEEK_END)
+        whole = 0
+        while end > 0:  # from the end: a journal may be larger than memory
+            start = max(0, end - CHUNK_BYTES)
+            self._file.seek(start)
+            newline = self._file.read(end - start).rfind(b"\n")
+            if newline >= 0:
+                whole = start + newline + 1
+                break
+            end = start
+        self.torn_bytes = size - whole
         if self.torn_bytes:
             self._file.truncate(whole)
         self._file.seek(0, os.SEEK_END)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import threading
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -47,7 +47,7 @@ class LocalExecutor:
 
     def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
         """Run what is not done; see `Executor.execute`."""
-        shared = _Shared(plan, deque(plan.blocks(done)), logs, on_row)
+        shared = _Shared(plan, plan.blocks(done), logs, on_row)
         cores_of_lanes = lane_cores(plan.config.jobs, plan.config.threads)
         lanes = [_Lane(shared, cores) for cores in cores_of_lanes]
         with _kept_off({core for cores in cores_of_lanes for core in cores}):
@@ -91,12 +91,18 @@ def _kept_off(cores: set[int]) -> Iterator[None]:
 class _Shared:
     """What the lanes of one run share."""
 
-    def __init__(self, plan: Plan, blocks: deque[list[Trial]], logs: Path, on_row: Callable[[Row], None]) -> None:
-        self.plan, self.blocks, self.logs = plan, blocks, logs
+    def __init__(self, plan: Plan, blocks: Iterator[list[Trial]], logs: Path, on_row: Callable[[Row], None]) -> None:
+        self.plan, self.logs = plan, logs
+        self._blocks = blocks
         self.stop = threading.Event()
         self.failure: BaseException | None = None
         self._on_row = on_row
         self._lock = threading.Lock()
+
+    def next_block(self) -> list[Trial] | None:
+        """Return the next block, or None; drawn one at a time, since a plan may have more trials than memory holds."""
+        with self._lock:
+            return next(self._blocks, None)
 
     def hand_over(self, row: Row) -> None:
         with self._lock:
@@ -122,9 +128,8 @@ class _Lane:
         """Take blocks until there is none."""
         try:
             while not self._shared.stop.is_set():
-                try:
-                    block = self._shared.blocks.popleft()
-                except IndexError:
+                block = self._shared.next_block()
+                if block is None:
                     break
                 for trial, ahead in zip(block, [*block[1:], None], strict=True):
                     outcome = self._outcome(trial, ahead)

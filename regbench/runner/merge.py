@@ -11,7 +11,7 @@ from typing import Any
 from regbench.errors import UserError
 from regbench.files import write_atomically
 from regbench.runner import manifest as manifests
-from regbench.runner.journal import Journal, Row, read_rows
+from regbench.runner.journal import Journal, Row, rows_in
 from regbench.runner.rundir import RunDir, read_json
 
 Manifest = dict[str, Any]
@@ -129,7 +129,7 @@ def _rows(described: Sequence[tuple[Path, Manifest]], *, anyway: bool) -> tuple[
         fingerprints = {method["method"]: method["fingerprint"] for method in manifest["methods"]}
         hashes = {protocol["id"]: protocol["sha256"] for protocol in manifest["protocols"]}
         of_folder: dict[str, Row] = {}
-        for row in read_rows(RunDir(folder).trials):
+        for row in rows_in(RunDir(folder).trials):
             if row["fingerprint"] != fingerprints.get(row["method"]) or row["protocol_sha256"] != hashes.get(
                 row["protocol"]
             ):

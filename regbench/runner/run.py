@@ -17,7 +17,7 @@ from regbench.protocols.protocol import ProblemSet
 from regbench.registry import MethodRegistry, find_protocol, parse_methods, split_names
 from regbench.runner import manifest, rundir
 from regbench.runner.executor import find_executor
-from regbench.runner.journal import Journal, Row, read_rows
+from regbench.runner.journal import Journal, Row, rows_in
 from regbench.runner.plan import Plan, PlannedProtocol, RunConfig, plan_method
 from regbench.runner.rundir import RunDir
 from regbench.runner.status import Status
@@ -60,7 +60,7 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
             progress.note(
                 f"{run_dir.trials}: a torn last line of {journal.torn_bytes} bytes was cut; its trial runs again"
             )
-        done = {row["key"] for row in read_rows(run_dir.trials) if _stands(row, config)}
+        done = done_keys(run_dir.trials, config)
         description = rundir.merge_manifest(run_dir, manifest.describe(plan, list(command)))
         rundir.write_problems(run_dir, plan, truths)
         manifest.write(run_dir.manifest, description)
@@ -71,6 +71,11 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
         description["finished"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         manifest.write(run_dir.manifest, description)
     return run_dir
+
+
+def done_keys(trials: Path, config: RunConfig) -> set[str]:
+    """Return the keys of the journal's trials that need not run again."""
+    return {row["key"] for row in rows_in(trials) if _stands(row, config)}
 
 
 def _stands(row: Row, config: RunConfig) -> bool:
