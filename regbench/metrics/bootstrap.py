@@ -1,4 +1,4 @@
-"""How far a difference between two methods may be due to the problems that happened to be drawn."""
+"""How far a figure, or a difference between two methods, may be due to the problems that happened to be drawn."""
 
 from __future__ import annotations
 
@@ -59,9 +59,47 @@ def paired_intervals(
             found.append(
                 _figures(counts, column.second, column.reduction) - _figures(counts, column.first, column.reduction)
             )
-    tails = ((1 - level) / 2, (1 + level) / 2)
-    limits = (np.quantile(np.concatenate(found), tails) for found in differences)
-    return [(float(low), float(high)) for low, high in limits]
+    return [_limits(found, level) for found in differences]
+
+
+def figure_intervals(
+    columns: Sequence[tuple[Array, Reduction]],
+    problems: NDArray[np.int64],
+    rng: np.random.Generator,
+    *,
+    resamples: int = RESAMPLES,
+    level: float = LEVEL,
+) -> list[tuple[float, float]]:
+    """Return percentile intervals of the figures of several metrics over the same n trials of one method.
+
+    As `paired_intervals`, but what is drawn is problems, all trials of one together: a method that answers the same
+    each time is not surer of its figure for having answered ten times.
+
+    Args:
+        columns: For each metric its (n,) values and what makes a figure of them, n >= 1.
+        problems: (n,) of the trials.
+        rng: Of the draws; all metrics see the same ones.
+        resamples: How many.
+        level: Share of the resamples within the interval.
+
+    Raises:
+        ValueError: A column is not as long as `problems`, or they are empty.
+    """
+    if not len(problems) or any(len(values) != len(problems) for values, _ in columns):
+        lengths = sorted({len(values) for values, _ in columns})
+        raise ValueError(f"values must be as many as problems and at least one, got {lengths} and {len(problems)}")
+    numbers, place = np.unique(problems, return_inverse=True)
+    figures: list[list[Array]] = [[] for _ in columns]
+    for drawn in _counts(len(numbers), resamples, rng):
+        counts = drawn[:, place]
+        for (values, reduction), found in zip(columns, figures, strict=True):
+            found.append(_figures(counts, values, reduction))
+    return [_limits(found, level) for found in figures]
+
+
+def _limits(figures: Sequence[Array], level: float) -> tuple[float, float]:
+    low, high = np.quantile(np.concatenate(figures), ((1 - level) / 2, (1 + level) / 2))
+    return float(low), float(high)
 
 
 def _counts(n: int, resamples: int, rng: np.random.Generator) -> Iterator[Array]:
@@ -74,13 +112,14 @@ def _counts(n: int, resamples: int, rng: np.random.Generator) -> Iterator[Array]
 
 def _figures(counts: Array, values: Array, reduction: Reduction) -> Array:
     """Return (b,) figures of (b, n) counts of (n,) values."""
+    totals = counts.sum(axis=1)
     if reduction not in QUANTILES:
-        means = counts @ values / len(values)
+        means: Array = counts @ values / totals
         return means if reduction == "mean" else np.sqrt(means)
     order = np.argsort(values)
     cumulated, ascending = np.cumsum(counts[:, order], axis=1), values[order]
-    rank = QUANTILES[reduction] * (len(values) - 1)
+    rank = QUANTILES[reduction] * (totals - 1)
     # The value of rank k is the first one that more than k counts reach.
-    low, high = (ascending[(cumulated <= whole).sum(axis=1)] for whole in (np.floor(rank), np.ceil(rank)))
+    low, high = (ascending[(cumulated <= whole[:, None]).sum(axis=1)] for whole in (np.floor(rank), np.ceil(rank)))
     figures: Array = low + (rank - np.floor(rank)) * (high - low)
     return figures
