@@ -22,7 +22,7 @@ def intervals(trials: TrialValues, metrics: Iterable[Metric]) -> dict[str, float
     for metric, found in values.items():
         if np.isfinite(found).any():
             together.setdefault(np.isfinite(found).tobytes(), []).append(metric)
-    ends = {}
+    ends: dict[str, float] = {}
     for some in together.values():
         there = np.isfinite(values[some[0]])
         found_intervals = figure_intervals(

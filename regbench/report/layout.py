@@ -25,7 +25,7 @@ TESTING = (
     f"worse than the best of its column, p < {SIGNIFICANT:g}: Wilcoxon's signed-rank test on the problems, one-sided, "
     "with Holm's correction over the column."
 )
-INTERVALS = f"In brackets: {LEVEL:.0%} intervals, bootstrap over the problems, {RESAMPLES:,} resamples."
+INTERVALS = f"In brackets: {100 * LEVEL:g} % intervals, bootstrap over the problems, {RESAMPLES:,} resamples."
 SCORING = "A failed trial is scored as the identity. Times are of the trials that answered."
 
 

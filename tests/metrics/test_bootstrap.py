@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import bootstrap
 
-from regbench.metrics.bootstrap import PairedValues, figure_intervals, paired_intervals
+from regbench.metrics.bootstrap import AT_ONCE, PairedValues, figure_intervals, paired_intervals
 from regbench.metrics.reduction import reduce
 
 REDUCTIONS = ("mean", "root mean", "median", "p75", "p95")
@@ -68,20 +68,19 @@ def test_lengths_that_differ_are_refused():
 
 
 @pytest.mark.parametrize("reduction", REDUCTIONS)
-def test_limits_of_a_figure_are_scipys(reduction):
+def test_limits_of_a_figure_are_scipys_of_the_same_draws(reduction):
     values, _ = pairs(150)
-    ((low, high),) = figure_intervals([(values, reduction)], np.arange(150), np.random.default_rng(1))
+    (found,) = figure_intervals([(values, reduction)], np.arange(150), np.random.default_rng(1), resamples=2000)
     expected = bootstrap(
         (values,),
         lambda a: reduce(a, reduction),
         vectorized=False,
         method="percentile",
-        n_resamples=4000,
-        rng=np.random.default_rng(2),
+        n_resamples=2000,
+        batch=AT_ONCE,
+        rng=np.random.default_rng(1),
     ).confidence_interval
-    width = expected.high - expected.low
-    assert low == pytest.approx(expected.low, abs=0.08 * width)
-    assert high == pytest.approx(expected.high, abs=0.08 * width)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize("reduction", REDUCTIONS)

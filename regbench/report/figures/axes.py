@@ -18,7 +18,7 @@ BETWEEN_MARKERS = 0.22
 
 
 def logarithmic(panel: Any, which: Literal["x", "y"], values: Iterable[Array]) -> float:
-    """Make an axis logarithmic, over whole powers of ten, and return its lower end; linear, and 0, if all are zero.
+    """Make an axis logarithmic, from a power of ten on, and return its lower end; linear, and 0, if all are zero.
 
     Args:
         panel: matplotlib's axes.
@@ -34,7 +34,9 @@ def logarithmic(panel: Any, which: Literal["x", "y"], values: Iterable[Array]) -
     most = float(positive.max())
     last = math.ceil(math.log10(most))
     first = min(math.floor(math.log10(max(float(positive.min()), most * 10.0**-DECADES))), last - 1)
-    panel.set(**{f"{which}scale": "log", f"{which}lim": (10.0**first, 10.0**last)})
+    # Two powers of ten at least are on the axis, so that its numbers say what it is.
+    end = 10.0**last if last - first < 2 else min(most * 1.3, 10.0**last)
+    panel.set(**{f"{which}scale": "log", f"{which}lim": (10.0**first, end)})
     axis = panel.xaxis if which == "x" else panel.yaxis
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -62,13 +62,16 @@ def draw_figure(
     by_protocol: dict[str, list[Group]] = {}
     for group in run.groups:
         by_protocol.setdefault(group.protocol.label, []).append(group)
+    by_protocol = {label: groups for label, groups in by_protocol.items() if any(group.trials for group in groups)}
+    if not by_protocol:
+        raise UserError("nothing to draw: the runs have no trial yet")
     needs_clouds = any(metric.needs == "clouds" for metric in chosen_metrics)
     errors = cloud_errors(run, data_dir) if needs_clouds else None
     number = len(by_protocol) * max(1, len(chosen_metrics)) * max(1, len(chosen))
     material = Material(
         run,
         by_protocol,
-        summarise(run, errors),
+        [row for row in summarise(run, errors) if row["protocol"] in by_protocol],
         chosen_metrics,
         errors,
         width=WIDTHS[width],

@@ -11,7 +11,7 @@ import numpy as np
 from regbench.errors import UserError
 from regbench.metrics.table import Metric
 from regbench.report.categories import by_category
-from regbench.report.figures.look import MEDIUM, SMALL, characters, inches
+from regbench.report.figures.look import LARGE, MEDIUM, SMALL, characters, inches
 from regbench.report.figures.panel import Array, Material, Panel
 from regbench.report.figures.words import axis_words, method_words, printable, wrapped
 from regbench.report.problem_names import problem_names
@@ -20,10 +20,12 @@ from regbench.report.rundata import Group
 BY = ("category", "protocol")
 # The darkest grey of a cell, and from where on letters are white.
 DARKEST, WHITE_FROM = 0.8, 0.62
+EDGE = "#BBBBBB"
 NONE = "-"
 NAMES_SHARE = 0.45
-LINE_HEIGHT, MARGIN, ROOM_FOR_TITLE = 0.125, 0.06, 0.35
-NOTE = "lighter is better"
+UPRIGHT_CHARACTERS = 25
+LINE_HEIGHT, MARGIN, ROOM_FOR_TITLE, ROOM_FOR_WORDS = 0.12, 0.04, 0.25, 0.2
+PER_CENT, NOTE = ", %", "lighter is better"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +89,12 @@ def _panel(table: Cells, metric: Metric, material: Material) -> Panel:
     cells = table.upright()
     texts = [[_text(value, metric) for value in row] for row in cells.values.tolist()]
     width = characters(NAMES_SHARE * material.panel_width, MEDIUM)
-    rows, columns = ([wrapped(name, width) for name in names] for names in (cells.rows, cells.columns))
+    rows = [wrapped(name, width) for name in cells.rows]
+    columns = [wrapped(name, UPRIGHT_CHARACTERS) for name in cells.columns]
     across = max(inches(max(len(text) for row in texts for text in row), SMALL), _lines(columns) * LINE_HEIGHT) + MARGIN
-    if across * len(columns) > material.panel_width - inches(_longest(rows), MEDIUM) - 2 * MARGIN:
+    room = material.panel_width - inches(_longest(rows), MEDIUM) - 2 * MARGIN
+    words = wrapped(f"{axis_words(metric)}{PER_CENT * metric.higher_is_better}; {NOTE}", characters(room, LARGE))
+    if across * len(columns) > room:
         raise UserError(
             f"plot heatmap: {len(columns)} columns do not fit {material.panel_width:g} inches; give --width page, or "
             "choose fewer with --method and --protocol"
@@ -97,7 +102,7 @@ def _panel(table: Cells, metric: Metric, material: Material) -> Panel:
 
     def draw(panel: Any) -> None:
         grey = _greys(cells.values, metric)
-        panel.pcolormesh(np.ma.masked_invalid(grey), cmap="Greys", vmin=0, vmax=1, edgecolors="white", linewidth=0.5)
+        panel.pcolormesh(np.ma.masked_invalid(grey), cmap="Greys", vmin=0, vmax=1, edgecolors=EDGE, linewidth=0.4)
         for (row, column), shade in np.ndenumerate(grey):
             panel.text(
                 column + 0.5,
@@ -111,12 +116,12 @@ def _panel(table: Cells, metric: Metric, material: Material) -> Panel:
         panel.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=90)
         panel.set_yticks(np.arange(len(rows)) + 0.5, rows)
         panel.tick_params(length=0)
-        panel.set(ylim=(len(rows), 0), xlabel=f"{axis_words(metric)}, {NOTE}")  # the first on top
+        panel.set(ylim=(len(rows), 0), xlabel=words)  # the first on top
         panel.grid(visible=False)
         panel.spines[:].set_visible(False)
 
-    height = len(rows) * (_lines(rows) * LINE_HEIGHT + MARGIN) + inches(_longest(columns), MEDIUM) + ROOM_FOR_TITLE
-    return Panel(cells.title, draw, height + ROOM_FOR_TITLE * bool(cells.title))
+    height = len(rows) * (_lines(rows) * LINE_HEIGHT + MARGIN) + inches(_longest(columns), MEDIUM)
+    return Panel(cells.title, draw, height + ROOM_FOR_TITLE * bool(cells.title) + ROOM_FOR_WORDS * _lines([words]))
 
 
 def _greys(values: Array, metric: Metric) -> Array:
@@ -132,9 +137,12 @@ def _greys(values: Array, metric: Metric) -> Array:
 
 
 def _text(value: float, metric: Metric) -> str:
+    """Return a figure of few digits: a share in per cent, which is 100 or 0 only where it is exactly that."""
     if not np.isfinite(value):
         return NONE
-    return f"{value:.3f}" if metric.higher_is_better else f"{value:.3g}"
+    if not metric.higher_is_better:
+        return f"{value:.3g}"
+    return f"{100 * value:g}" if value in (0, 1) else f"{min(max(100 * value, 0.1), 99.9):.1f}"
 
 
 def _longest(texts: Sequence[str]) -> int:

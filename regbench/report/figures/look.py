@@ -77,7 +77,8 @@ def printed_page() -> Iterator[None]:
     """Draw and save in this style within, whatever matplotlib was set to; afterwards all is as it was."""
     from matplotlib.style import context
 
-    with context(["default", STYLE]):
+    styles: list[str | dict[str, Any]] = ["default", STYLE]
+    with context(styles):
         yield
 
 
