@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from regbench.metrics.reduction import QUANTILES, Reduction
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.int32]
 RESAMPLES, LEVEL = 10_000, 0.95
 # Resamples at a time: their counts are so many rows of n numbers.
 AT_ONCE = 250
@@ -102,24 +103,28 @@ def _limits(figures: Sequence[Array], level: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _counts(n: int, resamples: int, rng: np.random.Generator) -> Iterator[Array]:
+def _counts(n: int, resamples: int, rng: np.random.Generator) -> Iterator[Counts]:
     """Yield (b, n) counts: how often each trial is in each of b resamples."""
     for first in range(0, resamples, AT_ONCE):
         rows = min(AT_ONCE, resamples - first)
         drawn = rng.integers(0, n, (rows, n)) + n * np.arange(rows)[:, None]
-        yield np.bincount(drawn.ravel(), minlength=rows * n).reshape(rows, n).astype(np.float64)
+        yield np.bincount(drawn.ravel(), minlength=rows * n).reshape(rows, n).astype(np.int32)
 
 
-def _figures(counts: Array, values: Array, reduction: Reduction) -> Array:
+def _figures(counts: Counts, values: Array, reduction: Reduction) -> Array:
     """Return (b,) figures of (b, n) counts of (n,) values."""
     totals = counts.sum(axis=1)
     if reduction not in QUANTILES:
-        means: Array = counts @ values / totals
+        means: Array = counts.astype(np.float64) @ values / totals
         return means if reduction == "mean" else np.sqrt(means)
     order = np.argsort(values)
-    cumulated, ascending = np.cumsum(counts[:, order], axis=1), values[order]
+    # 32 bits hold all counts, and take less time than 64.
+    cumulated, ascending = np.cumsum(counts[:, order], axis=1, dtype=np.int32), values[order]
     rank = QUANTILES[reduction] * (totals - 1)
     # The value of rank k is the first one that more than k counts reach.
-    low, high = (ascending[(cumulated <= whole[:, None]).sum(axis=1)] for whole in (np.floor(rank), np.ceil(rank)))
+    low, high = (
+        ascending[(cumulated <= whole.astype(np.int32)[:, None]).sum(axis=1)]
+        for whole in (np.floor(rank), np.ceil(rank))
+    )
     figures: Array = low + (rank - np.floor(rank)) * (high - low)
     return figures
