@@ -20,7 +20,7 @@ def plot(
         list[Path] | None, typer.Argument(help="Of a figure: run folders; the latest run if none is named.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File to write: .pdf, .svg or .png (else NAME.pdf).")
+        Path | None, typer.Option("--out", "-o", help="File: .pdf, .svg or .png, else NAME.pdf; of a picture .png.")
     ] = None,
     width: Annotated[Literal["column", "page"], typer.Option(help="Of a figure: 3.3 or 7 inches.")] = "column",
     metric: Annotated[
