@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from .planning_picture import BLUE, GREY, ORANGE, new_figure, save_figure
+from regbench.drawing import new_figure
+
+from .planning_picture import BLUE, GREY, ORANGE, save_figure
 
 Rows = Sequence[Mapping[str, Any]]
 

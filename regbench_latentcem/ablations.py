@@ -9,12 +9,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from regbench.drawing import new_figure
 from regbench.errors import UserError
 from regbench.files import write_atomically
 
 from .ablation_figures import draw_heatmap, draw_table2, draw_time
 from .measurement import Kept, Problems
-from .planning_picture import new_figure
 from .registrar import LatentCem
 
 if TYPE_CHECKING:

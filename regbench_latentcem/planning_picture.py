@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regbench.contract import Problem, Registrar
+from regbench.drawing import new_figure
 from regbench.errors import UserError
 from regbench.files import write_atomically
 from regbench.geometry.se3 import invert, rotation_from_euler_deg, transform
@@ -86,19 +87,6 @@ def planning_figure(method: LatentCem, problem: Problem, T_target_source: Array 
     handles, labels = panels[0, -1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8, frameon=False)
     return figure
-
-
-def new_figure() -> Any:
-    """Return an empty matplotlib figure; without pyplot, so that it needs no display and leaves no global state.
-
-    Raises:
-        UserError: matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise UserError('drawing needs matplotlib, which is not installed: pip install "regbench[plots]"') from None
-    return Figure(layout="constrained")
 
 
 def save_figure(figure: Any, path: Path) -> None:

@@ -21,6 +21,7 @@ class NamesBelow(TyperCommand):
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the names."""
         from regbench import registry
+        from regbench.report.figures import FIGURES
 
         group = {
             "prepare": registry.PREPARATIONS,
@@ -28,7 +29,8 @@ class NamesBelow(TyperCommand):
             "plot": registry.PLOTS,
             "reproduce": registry.REPRODUCTIONS,
         }[self.name or ""]
-        formatter.write(f"\nNames: {', '.join(registry.names(group))}.\n")
+        built_in = FIGURES if self.name == "plot" else ()
+        formatter.write(f"\nNames: {', '.join([*built_in, *registry.names(group)])}.\n")
 
 
 def refuse_given(context: typer.Context, names: Sequence[str], words: str) -> None:

@@ -22,6 +22,11 @@ def table(
     protocol: Annotated[list[str] | None, typer.Option(help="Only these protocols.")] = None,
     method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
     mixed: Annotated[bool, typer.Option(help="Put rows of different protocol versions or data together.")] = False,
+    intervals: Annotated[bool, typer.Option("--intervals", help="Put a 95 % interval beside each figure.")] = False,
+    improvement: Annotated[
+        str | None,
+        typer.Option(metavar="METRIC", help="Add how often a row is better in this metric than the best row."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Write to this file.")] = None,
     data: Data = None,
 ) -> None:
@@ -39,6 +44,8 @@ def table(
         protocols=split_names(protocol),
         methods=split_names(method),
         mixed=mixed,
+        with_intervals=intervals,
+        improvement=improvement,
         data_dir=data,
     )
     if out is None:

@@ -1,4 +1,4 @@
-"""Recall by category, where a data set has categories."""
+"""A metric by category, where a data set has categories."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regbench.metrics.recall import THRESHOLDS, recall
+from regbench.metrics.reduction import reduce
+from regbench.metrics.table import Metric
+from regbench.report.paired import TrialValues
 from regbench.report.problem_names import ProblemName
 from regbench.report.rundata import Group, RunData
-from regbench.report.trial_errors import trial_errors
+from regbench.report.summary import CloudErrors
 
+# The recall that a page shows by category.
 THRESHOLD = "5deg"
 
 
@@ -21,7 +24,7 @@ class Categories:
 
     Attributes:
         methods: The columns.
-        rows: Category, number of problems, and each method's recall within THRESHOLD; None without a trial.
+        rows: Category, number of problems, and each method's figure; None without a trial.
     """
 
     methods: Sequence[str]
@@ -29,24 +32,30 @@ class Categories:
 
 
 def by_category(
-    groups: Sequence[Group], run: RunData, names: Mapping[tuple[str, int], ProblemName]
+    groups: Sequence[Group],
+    run: RunData,
+    names: Mapping[tuple[str, int], ProblemName],
+    metric: Metric,
+    cloud_errors: CloudErrors | None = None,
 ) -> Categories | None:
-    """Return the recall of some methods on one protocol by category, or None where there are not two categories."""
-    errors = [trial_errors(group, run) for group in groups]
+    """Return a metric of some methods on one protocol by category, or None where there are not two categories.
+
+    Problems of unknown truth are in no category. `cloud_errors` is as `summarise` takes it.
+    """
+    trials = [TrialValues.of(group, run, cloud_errors) for group in groups]
     protocol = groups[0].protocol.id
     labels = {problem: name.label for (id, problem), name in names.items() if id == protocol and name.label}
-    seen = {problem for found in errors for problem in found.problems.tolist() if problem in labels}
+    seen = {problem for found in trials for problem in found.places[found.known, 0].tolist() if problem in labels}
     categories = sorted({labels[problem] for problem in seen})
     if len(categories) < 2:
         return None
-    degrees, length = THRESHOLDS[THRESHOLD]
+    values = [found.values(metric) for found in trials]
     rows = []
     for category in categories:
         members = np.array([problem for problem in seen if labels[problem] == category])
-        shares: list[float | None] = []
-        for found in errors:
-            inside = np.isin(found.problems, members)
-            within = recall(found.rotation_errors_deg[inside], found.translation_errors[inside], degrees, length)
-            shares.append(within if inside.any() else None)
-        rows.append((category, len(members), shares))
+        figures: list[float | None] = []
+        for found, all_values in zip(trials, values, strict=True):
+            inside = all_values[np.isin(found.places[:, 0], members) & np.isfinite(all_values)]
+            figures.append(reduce(inside, metric.reduction) if len(inside) else None)
+        rows.append((category, len(members), figures))
     return Categories([group.method.method for group in groups], rows)

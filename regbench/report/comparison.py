@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from regbench.metrics.bootstrap import PairedValues, paired_intervals
 from regbench.metrics.reduction import reduce
 from regbench.metrics.table import Metric
-from regbench.report.paired import TrialValues, paired_values
+from regbench.report.paired import TrialValues, paired
 from regbench.report.rundata import Group, RunData
 from regbench.report.summary import CloudErrors
 from regbench.runner.status import Status
@@ -34,7 +34,7 @@ class Difference:
         n: Number of those trials.
         before: The first run's figure.
         after: The second's.
-        low: Lower end of the 95 % interval of after less before (paired bootstrap over trials).
+        low: Lower end of the 95 % interval of after less before (paired bootstrap over problems).
         high: Upper end.
     """
 
@@ -172,14 +172,16 @@ def _failures(group: Group, places: set[tuple[int, int]]) -> int:
 
 def _differences(first: TrialValues, second: TrialValues, metrics: Sequence[Metric]) -> Iterator[Difference]:
     """Yield one for each metric; those over the same trials are resampled together."""
-    values = {metric.key: paired_values(first, second, metric) for metric in metrics}
-    intervals: Mapping[str, tuple[float, float]] = {}
-    for n in {len(ours) for ours, _ in values.values()} - {0}:
-        alike = [metric for metric in metrics if len(values[metric.key][0]) == n]
-        columns = [PairedValues(*values[metric.key], metric.reduction) for metric in alike]
-        found = paired_intervals(columns, np.random.default_rng(SEED))
-        intervals = {**intervals, **{metric.key: limits for metric, limits in zip(alike, found, strict=True)}}
+    values = {metric.key: paired(first, second, metric) for metric in metrics}
+    intervals: dict[str, tuple[float, float]] = {}
+    for places in {problems.tobytes() for problems, _, _ in values.values() if len(problems)}:
+        alike = [metric for metric in metrics if values[metric.key][0].tobytes() == places]
+        columns = [PairedValues(*values[metric.key][1:], metric.reduction) for metric in alike]
+        problems = values[alike[0].key][0]
+        found = paired_intervals(columns, np.random.default_rng(SEED), problems=problems)
+        intervals |= {metric.key: limits for metric, limits in zip(alike, found, strict=True)}
     for metric in metrics:
         if metric.key in intervals:
-            ours, theirs = (reduce(column, metric.reduction) for column in values[metric.key])
-            yield Difference(metric, len(values[metric.key][0]), ours, theirs, *intervals[metric.key])
+            _, ours, theirs = values[metric.key]
+            before, after = (reduce(column, metric.reduction) for column in (ours, theirs))
+            yield Difference(metric, len(ours), before, after, *intervals[metric.key])

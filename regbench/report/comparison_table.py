@@ -21,8 +21,8 @@ COLUMNS = (
     *("trials", "failures_before", "failures_after"),
 )
 LEGEND = (
-    "Change: second run less first, over the trials of both. Interval: paired bootstrap over trials, 10,000 resamples. "
-    "Failed trials are scored as the identity; times are of the trials that answered in both."
+    "Change: second run less first, over the trials of both. Interval: paired bootstrap over problems, 10,000 "
+    "resamples. Failed trials are scored as the identity; times are of the trials that answered in both."
 )
 
 

@@ -7,15 +7,22 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from regbench.metrics.table import Metric
+from regbench.report.layout import Column
 from regbench.runner.status import FAILURES, Status
 
 
-def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> str:
+def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Column]) -> str:
     """Return a header and one line per method and protocol; an empty cell is a figure that there is not.
 
-    The last column has the metrics in which a row is worse than the best one (significance.py).
+    Where rows have intervals, their ends follow the figure. The last column has the metrics in which a row is worse
+    than the best one (significance.py).
     """
+    figures = [
+        key
+        for metric in metrics
+        for key in (metric.key, f"{metric.key}_low", f"{metric.key}_high")
+        if key == metric.key or any(key in row for row in rows)
+    ]
     kinds = [status.value for status in Status if status in FAILURES]
     output = io.StringIO()
     writer = csv.writer(output, lineterminator="\n")
@@ -23,7 +30,7 @@ def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> s
         [
             *("method", "protocol", "n", "planned", "failures"),
             *(f"failures_{kind}" for kind in kinds),
-            *(metric.key for metric in metrics),
+            *figures,
             *("kind", "sees_ground_truth", "training", "n_truth", "note", "worse_than_best"),
         ]
     )
@@ -36,7 +43,7 @@ def csv_table(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Metric]) -> s
             [
                 *(row[key] for key in ("method", "protocol", "n", "planned")),
                 *counts,
-                *(row.get(metric.key) for metric in metrics),
+                *(row.get(key) for key in figures),
                 *(row.get(key) for key in ("kind", "sees_ground_truth", "training", "n_truth", "note")),
                 " ".join(row.get("worse_than_best", ())),
             ]

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+# What a box shows of a distribution: ends, whiskers, box, median.
+BOX_SHARES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+
 
 def ecdf(values: ArrayLike, max_points: int) -> tuple[Array, Array]:
     """Return points of the empirical distribution function of (n,) values: every one, or so many evenly ranked.

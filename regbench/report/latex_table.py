@@ -59,8 +59,10 @@ def latex_table(sections: Sequence[Section], notes: Notes, remarks: Sequence[str
     for block in body:
         lines += [r"\midrule", *block]
     footnotes = [f"{_mark(mark)} {escape(note)}." for note, mark in notes.marks.items()]
-    tested = f"{_mark(WORSE_SIGN)} {escape(TESTING)} " if any(section.has_marks for section in sections) else ""
-    legend = rf"\textbf{{Best}}, \underline{{second best}}. {escape(RANKING)} {tested}{escape(SCORING)}"
+    tested = [f"{_mark(WORSE_SIGN)} {escape(TESTING)}"] if any(section.has_marks for section in sections) else []
+    more = dict.fromkeys(escape(remark) for section in sections for remark in section.remarks)
+    words = " ".join([escape(RANKING), *tested, *more, escape(SCORING)])
+    legend = rf"\textbf{{Best}}, \underline{{second best}}. {words}"
     lines += [
         r"\bottomrule",
         r"\end{tabular}}",
@@ -129,9 +131,9 @@ def _failures(section: Section, line: Line, notes: Notes) -> str:
 
 def _cell(cell: Cell) -> str:
     text = "--" if cell.text == "-" else cell.text
-    return {0: text, 1: rf"\textbf{{{text}}}", 2: rf"\underline{{{text}}}"}[cell.rank] + _mark(
-        WORSE_SIGN * cell.worse + cell.mark
-    )
+    figure = {0: text, 1: rf"\textbf{{{text}}}", 2: rf"\underline{{{text}}}"}[cell.rank]
+    marked = figure + _mark(WORSE_SIGN * cell.worse + cell.mark)
+    return rf"{marked} {{\scriptsize {escape(cell.interval)}}}" if cell.interval else marked
 
 
 def _mark(mark: str) -> str:

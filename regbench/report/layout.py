@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
+from regbench.metrics.bootstrap import LEVEL, RESAMPLES
 from regbench.metrics.table import Metric
 from regbench.report.manifest import ProtocolInfo
 
@@ -21,9 +22,10 @@ RANKING = (
 SIGNIFICANT = 0.01
 WORSE_SIGN = "⁻"
 TESTING = (
-    f"worse than the best of its column, p < {SIGNIFICANT:g}: Wilcoxon's signed-rank test on the trials, one-sided, "
+    f"worse than the best of its column, p < {SIGNIFICANT:g}: Wilcoxon's signed-rank test on the problems, one-sided, "
     "with Holm's correction over the column."
 )
+INTERVALS = f"In brackets: {100 * LEVEL:g} % intervals, bootstrap over the problems, {RESAMPLES:,} resamples."
 SCORING = "A failed trial is scored as the identity. Times are of the trials that answered."
 
 
@@ -42,16 +44,31 @@ class Notes:
 
 
 @dataclass(frozen=True)
+class Extra:
+    """A column that is no metric's and is not ranked: its key in a row, its head, and what a reader must know."""
+
+    key: str
+    name: str
+    unit: str
+    decimals: int
+    remark: str
+
+
+Column = Metric | Extra
+
+
+@dataclass(frozen=True)
 class Cell:
     """A figure as printed, "-" where there is none; rank 1 best, 2 second, 0 neither; marks of its footnotes.
 
-    `worse`: than the best of its column, by more than chance.
+    `worse`: than the best of its column, by more than chance. `interval`: in brackets, "" where there is none.
     """
 
     text: str
     rank: int = 0
     mark: str = ""
     worse: bool = False
+    interval: str = ""
 
 
 @dataclass(frozen=True)
@@ -72,13 +89,19 @@ class Section:
     """One protocol: its columns and its rows, blocks in the order methods, published, sentinels."""
 
     protocol: ProtocolInfo
-    metrics: Sequence[Metric]
+    metrics: Sequence[Column]
     lines: Sequence[Line]
 
     @property
     def has_marks(self) -> bool:
         """Whether any figure is marked as worse than the best."""
         return any(cell.worse for line in self.lines for cell in line.cells)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader must know of its intervals and of its columns that are no metric's."""
+        has_intervals = any(cell.interval for line in self.lines for cell in line.cells)
+        return [*([INTERVALS] if has_intervals else []), *(c.remark for c in self.metrics if isinstance(c, Extra))]
 
     def blocks(self) -> list[list[Line]]:
         """Return the rows by block, without the empty ones."""
@@ -87,7 +110,7 @@ class Section:
 
 
 def lay_out(
-    protocol: ProtocolInfo, rows: Sequence[Row], metrics: Sequence[Metric], notes: Notes, *, rank_times: bool = True
+    protocol: ProtocolInfo, rows: Sequence[Row], metrics: Sequence[Column], notes: Notes, *, rank_times: bool = True
 ) -> Section:
     """Return the section of one protocol.
 
@@ -103,7 +126,11 @@ def lay_out(
     """
     if strange := {row["protocol"] for row in rows} - {protocol.label}:
         raise ValueError(f"rows of {min(strange)} do not belong into the columns of {protocol.label}")
-    ranks = {metric.key: _ranks(rows, metric) if rank_times or metric.needs != "times" else {} for metric in metrics}
+    ranks = {
+        metric.key: _ranks(rows, metric)
+        for metric in metrics
+        if isinstance(metric, Metric) and (rank_times or metric.needs != "times")
+    }
     lines = [
         Line(
             method=row["method"],
@@ -114,9 +141,10 @@ def lay_out(
             cells=[
                 Cell(
                     figure(row, metric),
-                    ranks[metric.key].get(position, 0),
+                    ranks.get(metric.key, {}).get(position, 0),
                     _cell_mark(row, metric, notes),
                     metric.key in row.get("worse_than_best", ()),
+                    _interval(row, metric),
                 )
                 for metric in metrics
             ],
@@ -134,13 +162,18 @@ def block_of(row: Row) -> str:
     return "sentinel" if row["kind"] == "sentinel" or row["sees_ground_truth"] else "method"
 
 
-def figure(row: Row, metric: Metric) -> str:
+def figure(row: Row, metric: Column) -> str:
     """Return a figure as printed; a published one digit for digit."""
     value = row.get(metric.key)
     if value is None:
         return "-"
     printed: str | None = row.get("printed", {}).get(metric.key)
     return printed or f"{value:.{metric.decimals}f}"
+
+
+def _interval(row: Row, metric: Column) -> str:
+    ends = [row.get(f"{metric.key}_{end}") for end in ("low", "high")]
+    return f"[{', '.join(f'{end:.{metric.decimals}f}' for end in ends)}]" if None not in ends else ""
 
 
 def failures_in_words(failures: Mapping[str, int] | None) -> str:
@@ -192,7 +225,7 @@ def _trial_remarks(row: Row) -> list[str]:
     return remarks
 
 
-def _cell_mark(row: Row, metric: Metric, notes: Notes) -> str:
+def _cell_mark(row: Row, metric: Column, notes: Notes) -> str:
     if row["kind"] != "published":
         return ""
     if metric.key in row["impossible"]:

@@ -12,7 +12,8 @@ def markdown_table(sections: Sequence[tuple[Section, Notes]], remarks: Sequence[
     """Return all sections, each with its footnotes, then what holds for the whole table."""
     parts = [_section(section, notes) for section, notes in sections]
     tested = [f"{WORSE_SIGN} {escape(TESTING)}"] if any(section.has_marks for section, _ in sections) else []
-    legend = f"**Best**, <ins>second best</ins>. {' '.join([RANKING, *tested, SCORING, *map(escape, remarks)])}"
+    more = dict.fromkeys(escape(remark) for section, _ in sections for remark in section.remarks)
+    legend = f"**Best**, <ins>second best</ins>. {' '.join([RANKING, *tested, *more, SCORING, *map(escape, remarks)])}"
     return "\n\n".join([*parts, legend])
 
 
@@ -53,4 +54,5 @@ def _row(cells: Sequence[str]) -> str:
 
 def _cell(cell: Cell) -> str:
     figure = {0: cell.text, 1: f"**{cell.text}**", 2: f"<ins>{cell.text}</ins>"}[cell.rank]
-    return figure + WORSE_SIGN * cell.worse + cell.mark
+    marked = figure + WORSE_SIGN * cell.worse + cell.mark
+    return f"{marked} {escape(cell.interval)}" if cell.interval else marked

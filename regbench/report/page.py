@@ -109,7 +109,7 @@ def _section(
         "charts": charts(groups, run),
         "statuses": [status.value for status in Status if status is not Status.OK],
         "failures": failures_of(groups, texts),
-        "categories": by_category(groups, run, names),
+        "categories": by_category(groups, run, names, METRICS[f"recall_{THRESHOLD}"]),
     }
 
 

@@ -55,10 +55,30 @@ class TrialValues:
 
 def paired_values(first: TrialValues, second: TrialValues, metric: Metric) -> tuple[Array, Array]:
     """Return the values of a metric, (n,) each, of the trials that both have it of."""
-    ours, theirs = first.values(metric), second.values(metric)
+    _, ours, theirs = paired(first, second, metric)
+    return ours, theirs
+
+
+def paired_means(first: TrialValues, second: TrialValues, metric: Metric) -> tuple[Array, Array]:
+    """Return likewise one value for each problem, the mean over the repeats that both have: for a test.
+
+    Repeats of one problem are no more evidence than one trial of it, where a method answers the same each time.
+    """
+    problems, ours, theirs = paired(first, second, metric)
+    numbers, place = np.unique(problems, return_inverse=True)
+    if len(numbers) == len(problems):
+        return ours, theirs
+    each = np.bincount(place)
+    return np.bincount(place, ours) / each, np.bincount(place, theirs) / each
+
+
+def paired(first: TrialValues, second: TrialValues, metric: Metric) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return problems and values, (n,) each, of the trials that both have a value of."""
+    ours, theirs, problems = first.values(metric), second.values(metric), first.places[:, 0]
     if not np.array_equal(first.places, second.places):
         at = {tuple(place): index for index, place in enumerate(second.places.tolist())}
         common = [(i, at[place]) for i, place in enumerate(map(tuple, first.places.tolist())) if place in at]
-        ours, theirs = ours[[i for i, _ in common]], theirs[[j for _, j in common]]
+        mine = np.array([i for i, _ in common], dtype=np.intp)
+        ours, problems, theirs = ours[mine], problems[mine], theirs[np.array([j for _, j in common], dtype=np.intp)]
     both = np.isfinite(ours) & np.isfinite(theirs)
-    return ours[both], theirs[both]
+    return problems[both], ours[both], theirs[both]

@@ -8,7 +8,7 @@ from typing import Any
 from regbench.metrics.paired_tests import holm, signed_rank_p
 from regbench.metrics.table import METRICS, Metric
 from regbench.report.layout import SIGNIFICANT, figure, is_ranked
-from regbench.report.paired import TrialValues, paired_values
+from regbench.report.paired import TrialValues, paired_means
 
 Row = Mapping[str, Any]
 
@@ -18,7 +18,7 @@ def worse_than_best(
 ) -> list[dict[str, float]]:
     """Return for each row of a protocol the metrics in which it is worse than the best row, with the corrected p.
 
-    Wilcoxon's signed-rank test on the trials of both, one-sided, corrected by Holm over the rows of the column. Rows
+    Wilcoxon's signed-rank test on the problems of both, one-sided, corrected by Holm over the rows of the column. Rows
     that are not ranked are not tested; one that prints the best's figure is not marked.
 
     Args:
@@ -34,7 +34,7 @@ def worse_than_best(
         there = [position for position in ranked if rows[position].get(metric.key) is not None]
         if len(there) < 2:
             continue
-        best = min(there, key=lambda position: rows[position][metric.key] * (-1 if metric.higher_is_better else 1))
+        best = best_of(rows, there, metric)
         others = [position for position in there if figure(rows[position], metric) != figure(rows[best], metric)]
         corrected = holm([_p(values[position], values[best], metric) for position in others])
         for position, p in zip(others, corrected, strict=True):
@@ -43,8 +43,13 @@ def worse_than_best(
     return marks
 
 
+def best_of(rows: Sequence[Row], positions: Sequence[int], metric: Metric) -> int:
+    """Return which of some rows, one at least, has the best figure; the first of equal ones."""
+    return min(positions, key=lambda position: rows[position][metric.key] * (-1 if metric.higher_is_better else 1))
+
+
 def _p(suspect: TrialValues | None, best: TrialValues | None, metric: Metric) -> float:
     if suspect is None or best is None:
         raise ValueError("a published row has no trials")
-    worse, better = paired_values(suspect, best, metric)
+    worse, better = paired_means(suspect, best, metric)
     return signed_rank_p(worse, better, higher_is_better=metric.higher_is_better)

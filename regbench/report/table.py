@@ -10,18 +10,20 @@ from typing import Any
 from regbench.errors import UserError
 from regbench.metrics.table import METRICS, Metric, find_metrics
 from regbench.report.cloud_metrics import cloud_errors
+from regbench.report.compared import add_improvements, mark_worse
 from regbench.report.csv_table import csv_table
+from regbench.report.improvement import improvement_column
+from regbench.report.intervals import intervals
 from regbench.report.json_table import json_table
 from regbench.report.latex_table import latex_table
-from regbench.report.layout import Notes, lay_out
+from regbench.report.layout import Column, Notes, lay_out
 from regbench.report.manifest import ProtocolInfo
 from regbench.report.markdown_table import markdown_table
 from regbench.report.merge import read_runs
 from regbench.report.paired import TrialValues
 from regbench.report.published import published_rows
 from regbench.report.rundata import RunData
-from regbench.report.significance import worse_than_best
-from regbench.report.summary import CloudErrors, sections, summarise
+from regbench.report.summary import sections, summarise
 from regbench.report.text_table import text_table
 from regbench.suggest import unknown
 
@@ -38,6 +40,8 @@ def render(
     protocols: Sequence[str] | None = None,
     methods: Sequence[str] | None = None,
     mixed: bool = False,
+    with_intervals: bool = False,
+    improvement: str | None = None,
     data_dir: Path | None = None,
 ) -> str:
     """Return the table of run folders. Whatever the options, trials and failures are in it.
@@ -51,6 +55,8 @@ def render(
         protocols: Only these ids; None for all.
         methods: Only these, as they were asked for; None for all.
         mixed: Print side by side what does not compare (see merge.py).
+        with_intervals: Put an interval beside each figure of ours.
+        improvement: Key of a metric: a column more, how often a row is better in it than the best one.
         data_dir: Prepared data, for the metrics that need the clouds.
 
     Raises:
@@ -59,13 +65,22 @@ def render(
     if format not in FORMATS:
         raise UserError(unknown("format", format, FORMATS))
     asked = find_metrics(metrics) if metrics is not None else None
+    compared = find_metrics([improvement] if improvement is not None else [])
     run = choose(read_runs(runs, mixed=mixed), protocols, methods)
     infos = {group.protocol.label: group.protocol for group in run.groups}
     columns = {label: asked or headline(info, format) for label, info in infos.items()}
-    needs_clouds = any(metric.needs == "clouds" for chosen in columns.values() for metric in chosen)
+    needs_clouds = any(metric.needs == "clouds" for chosen in (*columns.values(), compared) for metric in chosen)
     errors = cloud_errors(run, data_dir) if needs_clouds else None
     rows = summarise(run, errors)
-    mark_worse(run, rows, errors)
+    values = [TrialValues.of(group, run, errors) for group in run.groups]
+    mark_worse(run, rows, values)
+    if with_intervals:
+        for row, trials in zip(rows, values, strict=True):
+            full = asked or [metric for metric in METRICS.values() if metric.key in row]
+            row |= intervals(trials, full if format in ("csv", "json") else columns[row["protocol"]])
+    for metric in compared:
+        add_improvements(run, rows, values, metric)
+    extra = [improvement_column(metric) for metric in compared]
     by_protocol = sections(rows)
     if paper:
         add_published(by_protocol, infos)
@@ -73,8 +88,8 @@ def render(
         return json_table([row for section in by_protocol.values() for row in section])
     if format == "csv":
         chosen = asked or [metric for metric in METRICS.values() if any(metric.key in row for row in rows)]
-        return csv_table([row for section in by_protocol.values() for row in section], chosen)
-    return _printed(format, run, by_protocol, infos, columns)
+        return csv_table([row for section in by_protocol.values() for row in section], [*chosen, *extra])
+    return _printed(format, run, by_protocol, infos, {label: [*chosen, *extra] for label, chosen in columns.items()})
 
 
 def _printed(
@@ -82,7 +97,7 @@ def _printed(
     run: RunData,
     by_protocol: Mapping[str, Sequence[Mapping[str, Any]]],
     infos: Mapping[str, ProtocolInfo],
-    columns: Mapping[str, Sequence[Metric]],
+    columns: Mapping[str, Sequence[Column]],
 ) -> str:
     one_machine = len(run.machines) == 1
     together = Notes()  # LaTeX has one list of footnotes; the others have one under each protocol
@@ -93,20 +108,6 @@ def _printed(
     if format == "latex":
         return latex_table([section for section, _ in laid_out], together, remarks_on(run, format))
     return {"text": text_table, "markdown": markdown_table}[format](laid_out, remarks_on(run, format))
-
-
-def mark_worse(run: RunData, rows: Sequence[dict[str, Any]], cloud_errors: CloudErrors | None) -> None:
-    """Give every row `worse_than_best`: the corrected p by the metrics in which it is worse than the best row."""
-    values = [TrialValues.of(group, run, cloud_errors) for group in run.groups]
-    for label in {row["protocol"] for row in rows}:
-        places = [place for place, row in enumerate(rows) if row["protocol"] == label]
-        marks = worse_than_best(
-            [rows[place] for place in places],
-            [values[place] for place in places],
-            rank_times=len(run.machines) == 1,
-        )
-        for place, mark in zip(places, marks, strict=True):
-            rows[place]["worse_than_best"] = mark
 
 
 def headline(protocol: ProtocolInfo, format: str) -> list[Metric]:

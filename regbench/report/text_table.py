@@ -17,7 +17,8 @@ def text_table(sections: Sequence[tuple[Section, Notes]], remarks: Sequence[str]
     """Return all sections, each with its footnotes, then what holds for the whole table."""
     parts = [_section(section, notes) for section, notes in sections]
     tested = [f"{WORSE_SIGN} {TESTING}"] if any(section.has_marks for section, _ in sections) else []
-    legend = [f"* best, + second best. {RANKING}", *tested, SCORING, *remarks]
+    more = dict.fromkeys(remark for section, _ in sections for remark in section.remarks)
+    legend = [f"* best, + second best. {RANKING}", *tested, *more, SCORING, *remarks]
     return "\n\n".join([*parts, "\n".join(line for text in legend for line in textwrap.wrap(text, WIDTH))])
 
 
@@ -65,7 +66,11 @@ def _column(cells: Sequence[Cell]) -> list[str]:
     """Return a column's cells with what follows the figures padded, so that the figures stay aligned."""
     after = [RANK_SIGNS[cell.rank] + WORSE_SIGN * cell.worse + cell.mark for cell in cells]
     width = max(map(len, after), default=0)
-    return [cell.text + suffix.ljust(width) for cell, suffix in zip(cells, after, strict=True)]
+    interval_width = max((len(cell.interval) for cell in cells), default=0)
+    brackets = [f" {cell.interval.rjust(interval_width)}" if interval_width else "" for cell in cells]
+    return [
+        cell.text + suffix.ljust(width) + bracket for cell, suffix, bracket in zip(cells, after, brackets, strict=True)
+    ]
 
 
 def _wrapped(failures: str) -> list[str]:

@@ -74,6 +74,20 @@ def test_what_chance_explains_is_not_shown(tmp_path):
     assert found.differences[0].verdict == "no difference shown"
 
 
+def test_repeats_of_a_problem_are_no_more_evidence_than_one(tmp_path, errors):
+    def repeated(name, degrees, repeat):
+        rows = [row(method("icp"), DEMO, i, T, repeat=r) for i, T in enumerate(turned(degrees)) for r in range(repeat)]
+        return read_run(write_run(tmp_path / f"{name}{repeat}", [method("icp")], [DEMO], rows, repeat=repeat))
+
+    metrics = find_metrics(["rre_mean_deg"])
+    once, ten_times = (
+        compare(repeated("a", errors[0], repeat), repeated("b", errors[1], repeat), metrics)[0].differences[0]
+        for repeat in (1, 10)
+    )
+    assert (ten_times.n, once.n) == (10 * N, N)
+    assert (ten_times.low, ten_times.high) == pytest.approx((once.low, once.high), rel=1e-9)
+
+
 def test_failures_count_as_the_identity_and_are_counted(tmp_path, errors):
     before = run_of(tmp_path / "a", errors[0])
     after = run_of(tmp_path / "b", errors[0], failed=range(20))

@@ -8,6 +8,7 @@ import re
 import pytest
 
 from regbench.errors import UserError
+from regbench.metrics.table import METRICS
 from regbench.report.layout import Notes, lay_out
 from regbench.report.rundata import read_run
 from regbench.report.summary import summarise
@@ -176,6 +177,73 @@ def test_csv_and_json_name_the_metrics_in_which_a_row_is_worse(clear_run):
     assert rows["good"] == rows["as_good"] == rows["seldom"] == rows["sentinel"] == {}
     table = {line["method"]: line for line in csv.DictReader(io.StringIO(render([clear_run], format="csv")))}
     assert table["bad"]["worse_than_best"].split() == list(rows["bad"])
+
+
+def test_repeats_are_no_more_evidence_than_one_trial(tmp_path):
+    """Five problems cannot tell two methods apart at p < 0.01, however often each is answered alike."""
+    methods = [method("good"), method("bad")]
+    p = protocol("demo@1", [motion()] * 5)
+    rows = [
+        row(m, p, i, motion((k + 1 + i / 10, 0, 0)), repeat=r, time_ms=1.0)
+        for k, m in enumerate(methods)
+        for i in range(5)
+        for r in range(10)
+    ]
+    run = write_run(tmp_path, methods, [p], rows, repeat=10)
+    assert [row["worse_than_best"] for row in json.loads(render([run], format="json"))] == [{}, {}]
+
+
+def test_every_figure_has_an_interval_that_holds_it(run):
+    plain = json.loads(render([run], format="json"))
+    rows = json.loads(render([run], format="json", with_intervals=True))
+    assert [{k: v for k, v in found.items() if not k.endswith(("_low", "_high"))} for found in rows] == plain
+    for found in rows:
+        for key in METRICS:
+            ends = found.get(f"{key}_low"), found.get(f"{key}_high")
+            if found.get(key) is None:
+                assert ends == (None, None)
+            else:
+                assert ends[0] - 1e-9 <= found[key] <= ends[1] + 1e-9
+    table = list(csv.DictReader(io.StringIO(render([run], format="csv", with_intervals=True))))
+    columns = list(table[0])
+    assert columns[columns.index("mae_t") :][:3] == ["mae_t", "mae_t_low", "mae_t_high"]
+    for line, found in zip(table, rows, strict=True):
+        assert line["mae_t_high"] == ("" if found.get("mae_t_high") is None else repr(found["mae_t_high"]))
+
+
+@pytest.mark.parametrize("format", ["text", "markdown", "latex"])
+def test_printed_intervals_stand_in_brackets_and_the_paper_has_none(run, format):
+    text = render([run], format=format, with_intervals=True, paper=True, protocols=["modelnet40/clean@1"])
+    text = text.replace("\\[", "[").replace("\\]", "]").replace("{[}", "[").replace("{]}", "]")
+    assert re.search(r"1\.1547[*}]* ?[^\n]{0,14}\[1\.1547, 1\.1547\]", text)
+    assert "95 % intervals, bootstrap over the problems" in " ".join(text.replace("\\%", "%").split())
+    assert not any("[" in line for line in text.splitlines() if "(paper)" in line)
+    assert "bootstrap" not in render([run], format=format)
+
+
+def test_the_same_trials_give_the_same_intervals(run):
+    options = {"format": "csv", "metrics": ["rmse_r_deg", "rre_p95_deg"], "with_intervals": True}
+    assert render([run], **options) == render([run], **options)
+
+
+def test_how_often_a_row_is_better_than_the_best_one(tmp_path):
+    methods = [method("best"), method("ahead_at_times"), method("oracle", kind="sentinel", sees_ground_truth=True)]
+    p = protocol("demo@1", [motion()] * 8)
+    # Better on the first three, equal on the next two.
+    angles = {"best": [5] * 8, "ahead_at_times": [1, 1, 1, 5, 5, 20, 20, 20], "oracle": [0] * 8}
+    rows = [row(m, p, i, motion((angles[m["method"]][i], 0, 0)), time_ms=1.0) for m in methods for i in range(8)]
+    run = write_run(tmp_path, methods, [p], rows)
+    found = {
+        row["method"]: row["improvement_rre_mean_deg"]
+        for row in json.loads(render([run], format="json", improvement="rre_mean_deg"))
+    }
+    assert found == {"best": 0.5, "ahead_at_times": 0.5, "oracle": 1.0}
+    rows = json.loads(render([run], format="json", improvement="recall_15deg"))
+    assert [row["improvement_recall_15deg"] for row in rows] == [0.5, 0.5 * 5 / 8, 0.5]
+    text = render([run], format="text", improvement="rre_mean_deg")
+    assert "P(better): share of trials on which a row is better in RRE mean than the best row" in " ".join(text.split())
+    with pytest.raises(UserError, match="unknown metric 'rre'"):
+        render([run], format="text", improvement="rre")
 
 
 def test_no_sign_no_note(run):
