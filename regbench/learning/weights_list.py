@@ -11,7 +11,7 @@ from regbench.learning.weights import load_weights
 
 Entry = dict[str, Any]
 # What an entry has of a card; "before" and "curve" where the training began from other weights and was validated.
-KNOWN = ("steps", "hours", "before", "device", "monitor", "validation", "curve", "sha256")
+KNOWN = ("steps", "hours", "before", "device", "monitor", "validation", "curve", "remark", "sha256")
 
 
 def weights_in(folder: Path, method: str) -> list[Entry]:
