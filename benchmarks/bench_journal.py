@@ -1,4 +1,4 @@
-"""What a journal of a million rows costs: its size, and the time and memory to resume from it and to make its table.
+"""What a journal of a million rows costs: its size, and the time and memory to plan, resume and make its table.
 
     python benchmarks/bench_journal.py [--rows 1000000] [--methods 10]
 
@@ -16,17 +16,18 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from regbench.geometry.se3 import rotation_from_euler_deg, se3
 
 HEADLINE = ["rmse_r_deg", "rmse_t", "mae_r_deg", "mae_t"]
-MEASURED = ("table", "resume")
+MEASURED = ("table", "resume", "survey", "plan")
 
 
 def write_run(folder, rows, methods):
-    """Write a run folder of `rows` trials; return the bytes of its journal and of its ground truth."""
+    """Write a run folder of `rows` trials."""
     problems = rows // methods
     rng = np.random.default_rng(0)
     angles = rng.uniform(-45, 45, (problems, 3))
@@ -59,7 +60,6 @@ def write_run(folder, rows, methods):
         for problem, truth in enumerate(truths):
             for info in infos:
                 file.write(json.dumps(trial(info, sha256, problem, truth, rng), separators=(",", ":")) + "\n")
-    return [(folder / name).stat().st_size for name in ("trials.jsonl", "problems.jsonl")]
 
 
 def trial(info, sha256, problem, truth, rng):
@@ -110,9 +110,63 @@ def resume(folder):
         print(len(done_keys(folder / "trials.jsonl", RunConfig(method=["x"]))), "done")
 
 
-def measure(what, folder):
-    """Run one measurement in a process of its own; return its seconds, CPU seconds and peak memory in MB."""
-    code = f"import pathlib, bench_journal; bench_journal.{what}(pathlib.Path({str(folder)!r}))"
+class Problems:
+    """As many small pairs as the run has problems: what is measured is the runner's share, not that of the points."""
+
+    data_sha256 = "0" * 64
+
+    def __init__(self, n):
+        self.n = n
+        self.points = np.zeros((3, 3))
+
+    def __len__(self):
+        return self.n
+
+    def __iter__(self):
+        motion = se3(rotation_from_euler_deg((10, 20, 30)), (0.1, 0.2, 0.3))
+        for problem in range(self.n):
+            pair = SimpleNamespace(source=self.points, target=self.points, T_target_source=motion)
+            pair.label, pair.id = "chair", f"{problem}"
+            yield pair
+
+
+def planned(folder):
+    """Return the plan of the run in the folder."""
+    from regbench.runner.plan import Plan, PlannedMethod, PlannedProtocol, RunConfig
+
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (info,) = manifest["protocols"]
+    methods = [
+        PlannedMethod(SimpleNamespace(asked=method["method"]), method["fingerprint"], None)
+        for method in manifest["methods"]
+    ]
+    problems = Problems(info["n"])
+    protocol = PlannedProtocol(SimpleNamespace(id=info["id"]), problems, info["sha256"], info["n"])
+    return Plan(RunConfig(method=["x"]), methods, [protocol], folder)
+
+
+def survey(folder):
+    """Go through all problems and write problems.jsonl, as `regbench run` does at its start."""
+    from regbench.runner.run import survey as survey_problems
+    from regbench.runner.rundir import RunDir, write_problems
+
+    plan = planned(folder)
+    copy = folder / "survey"
+    copy.mkdir(exist_ok=True)
+    _, lines = survey_problems("bench@1", plan.protocols[0].problems)
+    write_problems(RunDir(copy), plan, {"bench@1": lines})
+    print(len(lines), "problems")
+
+
+def plan(folder):
+    """Draw every block of a fresh run, as an executor does."""
+    print(sum(map(len, planned(folder).blocks(set()))), "trials drawn")
+
+
+def measure(what, folder, *arguments):
+    """Run a function of this file in a process of its own; return its seconds, CPU seconds and peak memory in MB."""
+    given = ", ".join([f"pathlib.Path({str(folder)!r})", *map(str, arguments)])
+    code = f"import pathlib, bench_journal; bench_journal.{what}({given})"
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
     start = time.perf_counter()
     process = subprocess.Popen([sys.executable, "-c", code], env=environment)
@@ -132,7 +186,8 @@ def main():
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for methods in arguments.methods:
         with tempfile.TemporaryDirectory(prefix="bench-journal-") as name:
-            journal, truths = write_run(Path(name), arguments.rows, methods)
+            measure("write_run", name, arguments.rows, methods)
+            journal, truths = (Path(name, file).stat().st_size for file in ("trials.jsonl", "problems.jsonl"))
             print(f"{arguments.rows} rows of {methods} methods: trials.jsonl {journal / 1e6:.0f} MB, ", end="")
             print(f"{journal / arguments.rows:.0f} bytes a row; problems.jsonl {truths / 1e6:.0f} MB", flush=True)
             for what in MEASURED:

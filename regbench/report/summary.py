@@ -34,12 +34,12 @@ def summarise(run: RunData, cloud_errors: CloudErrors | None = None) -> list[Row
         metric; then kind, sees_ground_truth, training (of its weights, in words), planned (trials), n_truth (trials of
         known truth), note.
     """
-    return [summarise_group(group, run, cloud_errors or {}) for group in run.groups]
+    errors = cloud_errors or {}
+    return [summarise_group(group, samples_of(group, run, errors), errors) for group in run.groups]
 
 
-def summarise_group(group: Group, run: RunData, cloud_errors: CloudErrors) -> Row:
-    """Return the row of one method on one protocol; see `summarise`."""
-    samples = samples_of(group, run, cloud_errors)
+def summarise_group(group: Group, samples: Samples, cloud_errors: CloudErrors) -> Row:
+    """Return the row of one method on one protocol, whose samples these are; see `summarise`."""
     figures = {
         metric.key: _figure(metric, samples)
         for metric in METRICS.values()

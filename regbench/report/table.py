@@ -23,7 +23,7 @@ from regbench.report.merge import read_runs
 from regbench.report.paired import TrialValues
 from regbench.report.published import published_rows
 from regbench.report.rundata import RunData
-from regbench.report.summary import sections, summarise
+from regbench.report.summary import sections, summarise_group
 from regbench.report.text_table import text_table
 from regbench.suggest import unknown
 
@@ -71,8 +71,10 @@ def render(
     columns = {label: asked or headline(info, format) for label, info in infos.items()}
     needs_clouds = any(metric.needs == "clouds" for chosen in (*columns.values(), compared) for metric in chosen)
     errors = cloud_errors(run, data_dir) if needs_clouds else None
-    rows = summarise(run, errors)
     values = [TrialValues.of(group, run, errors) for group in run.groups]
+    rows = [
+        summarise_group(group, trials.samples, errors or {}) for group, trials in zip(run.groups, values, strict=True)
+    ]
     mark_worse(run, rows, values)
     if with_intervals:
         for row, trials in zip(rows, values, strict=True):

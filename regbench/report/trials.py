@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from regbench.report.motions import append_motion, beyond_limits, unpacked
 from regbench.runner.status import Status
 
 Array = NDArray[np.float64]
@@ -19,8 +20,7 @@ STATUSES = tuple(Status)
 OK = STATUSES.index(Status.OK)
 IDENTITY = np.eye(4).ravel().tolist()
 MOST = 2**31
-# What the runner let pass as rigid is well within; beyond them products of entries overflow.
-LARGEST_COSINE, LARGEST_TRANSLATION = 1.1, 1e100
+_CODES: Mapping[Any, int] = {status.value: code for code, status in enumerate(STATUSES)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,19 +131,17 @@ class TrialsBuilder:
         Raises:
             KeyError, TypeError, ValueError, OverflowError: It is not a trial. The builder is then not to be used.
         """
-        code = STATUSES.index(Status(row["status"]))
+        code = _CODES.get(status := row["status"])
+        if code is None:
+            raise ValueError(f"{status!r} is not a valid Status")
         self._problems.append(_count(row["problem"]))
         self._repeats.append(_count(row["repeat"]))
         self._codes.append(code)
         self._lines.append(line)
-        if code == OK:
-            match row["T_target_source"]:
-                case [[_, _, _, _] as a, [_, _, _, _] as b, [_, _, _, _] as c, [_, _, _, _] as d]:
-                    self._motions.fromlist([*a, *b, *c, *d])
-                case _:
-                    raise ValueError("status ok without a 4x4 T_target_source")
-        else:
+        if code != OK:
             self._motions.extend(IDENTITY)
+        elif not append_motion(self._motions, row["T_target_source"]):
+            raise ValueError("status ok without a 4x4 T_target_source")
         time_ms, cpu_ms = row["time_ms"], row["cpu_ms"]
         self._time_ms.append(nan if time_ms is None else float(time_ms))
         self._cpu_ms.append(nan if cpu_ms is None else float(cpu_ms))
@@ -155,8 +153,8 @@ class TrialsBuilder:
         Raises:
             NotATrialError: An answer's numbers are no motion's. That it is rigid was the runner's to check.
         """
-        T_target_source = np.frombuffer(self._motions, dtype=np.float64).reshape(-1, 4, 4)
-        if (bad := _beyond_limits(T_target_source)).size:
+        T_target_source = unpacked(self._motions)
+        if (bad := beyond_limits(T_target_source)).size:
             raise NotATrialError(self._lines[bad[0]], "status ok without a 4x4 T_target_source")
         return _in_order(
             problems=np.frombuffer(self._problems, dtype=np.int64),
@@ -167,13 +165,6 @@ class TrialsBuilder:
             time_ms=np.frombuffer(self._time_ms, dtype=np.float64),
             cpu_ms=np.frombuffer(self._cpu_ms, dtype=np.float64),
         )
-
-
-def _beyond_limits(T_target_source: Array) -> Integers:
-    """Return the positions of (n, 4, 4) matrices that hold what is not finite, or longer than any motion's entry."""
-    rotations, translations = T_target_source[:, :, :3], T_target_source[:, :, 3]
-    within = (np.abs(rotations) < LARGEST_COSINE).all(axis=(1, 2))  # False for NaN
-    return np.flatnonzero(~(within & (np.abs(translations) < LARGEST_TRANSLATION).all(axis=1)))
 
 
 def _count(value: Any) -> int:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from array import array
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from regbench.errors import UserError
 from regbench.geometry.se3 import why_not_rigid
-from regbench.report.trials import LARGEST_TRANSLATION
+from regbench.json_lines import parse_json
+from regbench.report.motions import LARGEST_TRANSLATION, append_motion, suspects, unpacked
 
 Array = NDArray[np.float64]
 UNKNOWN = [float("nan")] * 16
@@ -74,46 +75,68 @@ def _in_order(problems: NDArray[np.int64], T_target_source: Array) -> Truths:
     return Truths(problems[order], T_target_source[order])
 
 
+class _NoMotionError(Exception):
+    """What stands for a ground truth is no motion: its arguments are the line's number and why."""
+
+
+class _TruthsBuilder:
+    """Takes the problems of one protocol one by one."""
+
+    def __init__(self) -> None:
+        self._problems, self._lines, self._known = (array("q") for _ in range(3))
+        self._motions = array("d")
+
+    def add(self, row: Mapping[str, Any], line: int) -> None:
+        """Take a line of problems.jsonl; `line` is its number.
+
+        Raises:
+            KeyError, TypeError, ValueError, OverflowError: It is not a problem. The builder is then not to be used.
+            _NoMotionError: Its truth is no 4x4 matrix.
+        """
+        self._problems.append(int(row["problem"]))
+        self._lines.append(line)
+        T = row["T_target_source"]
+        self._known.append(T is not None)
+        if T is None:
+            self._motions.extend(UNKNOWN)
+        elif not append_motion(self._motions, T):
+            raise _NoMotionError(line, why_not_rigid(T))
+
+    def build(self) -> Truths:
+        """Return what was taken, in order.
+
+        Raises:
+            _NoMotionError: A truth is not rigid, or longer than any motion.
+        """
+        T_target_source = unpacked(self._motions)
+        known = np.flatnonzero(np.frombuffer(self._known, dtype=np.int64))
+        for position in known[suspects(T_target_source[known])]:
+            reason = why_not_rigid(T := T_target_source[position])
+            if reason is None and np.abs(T).max() >= LARGEST_TRANSLATION:
+                reason = "longer than any"
+            if reason is not None:
+                raise _NoMotionError(self._lines[position], reason)
+        return _in_order(np.frombuffer(self._problems, dtype=np.int64), T_target_source)
+
+
 def read_truths(path: Path) -> dict[str, Truths]:
     """Return the ground truth of every problem by protocol id.
 
     Raises:
         UserError: The file cannot be read, or a line is not a problem.
     """
-    problems: dict[str, array[int]] = {}
-    motions: dict[str, array[float]] = {}
+    builders: defaultdict[str, _TruthsBuilder] = defaultdict(_TruthsBuilder)
     try:
         with path.open("rb") as file:
             for number, line in enumerate(file, start=1):
-                protocol, problem, T = _parse(path, number, line)
-                if protocol not in problems:
-                    problems[protocol], motions[protocol] = array("q"), array("d")
-                problems[protocol].append(problem)
-                motions[protocol].extend(T)
+                try:
+                    row = parse_json(line)
+                    builders[str(row["protocol"])].add(row, number)
+                except (ValueError, KeyError, TypeError, OverflowError):
+                    raise UserError(f"{path}: line {number} is not a problem; the file was damaged") from None
+        return {protocol: builder.build() for protocol, builder in builders.items()}
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror}); is this the folder of a run?") from error
-    return {
-        protocol: _in_order(
-            np.frombuffer(problems[protocol], dtype=np.int64),
-            np.frombuffer(motions[protocol], dtype=np.float64).reshape(-1, 4, 4),
-        )
-        for protocol in problems
-    }
-
-
-def _parse(path: Path, number: int, line: bytes) -> tuple[str, int, list[float]]:
-    """Return a line's protocol, problem and 16 numbers."""
-    try:
-        row: dict[str, Any] = json.loads(line)
-        protocol, problem, T = str(row["protocol"]), int(row["problem"]), row["T_target_source"]
-        np.int64(problem)
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-        raise UserError(f"{path}: line {number} is not a problem; the file was damaged") from None
-    if T is None:
-        return protocol, problem, UNKNOWN
-    if reason := why_not_rigid(T):
-        raise UserError(f"{path}: line {number}: T_target_source is not a motion: {reason}")
-    numbers = [float(value) for row_of_T in T for value in row_of_T]
-    if max(map(abs, numbers)) >= LARGEST_TRANSLATION:
-        raise UserError(f"{path}: line {number}: T_target_source is longer than any motion; the file was damaged")
-    return protocol, problem, numbers
+    except _NoMotionError as error:
+        line_number, reason = error.args
+        raise UserError(f"{path}: line {line_number}: T_target_source is not a motion: {reason}") from None

@@ -9,7 +9,7 @@ from typing import Any
 from regbench.registry import MethodRegistry, parse_methods
 from regbench.report.manifest import read_manifest
 from regbench.report.rundata import Group, read_run
-from regbench.report.summary import summarise_group
+from regbench.report.summary import samples_of, summarise_group
 from regbench.runner.fingerprint import method_fingerprint
 
 KEYS = ("rre_median_deg", "rmse_r_deg", "mae_r_deg", "rmse_t", "mae_t", "recall_5deg", "time_median_ms")
@@ -45,7 +45,7 @@ def figures_by_file(run_dirs: Sequence[Path], registry: MethodRegistry) -> tuple
             if reason := _why_not(group, method_fingerprint(method)):
                 left_out.append(f"{group.method.method} on {group.protocol.id}: {reason}")
                 continue
-            row = summarise_group(group, run, {})
+            row = summarise_group(group, samples_of(group, run, {}), {})
             figures = {key: row[key] for key in ("n", "failures", *KEYS)}
             figures["machine"] = f"{' and '.join(manifest.machines)}; {group.method.settings}"
             for file in files:

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from regbench.errors import UserError
+from regbench.json_lines import parse_json
 
 Row = dict[str, Any]
 
@@ -45,8 +46,8 @@ def read_rows(path: Path) -> list[Row]:
 
 def _row(path: Path, number: int, line: bytes) -> Row:
     try:
-        row = json.loads(line)
-    except (ValueError, RecursionError):
+        row = parse_json(line)
+    except ValueError:
         row = None
     if not isinstance(row, dict) or not isinstance(row.get("key"), str):
         raise UserError(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
         UserError: Bad input, or the disk is full. Finished trials are in the journal.
     """
     executor = find_executor(config.executor)
-    plan, truths = make_plan(config)
+    plan, problems = make_plan(config)
     executor.check(config)
     run_dir = rundir.of_config(config)
     rundir.make(run_dir, fresh=config.fresh)
@@ -62,7 +63,7 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
             )
         done = done_keys(run_dir.trials, config)
         description = rundir.merge_manifest(run_dir, manifest.describe(plan, list(command)))
-        rundir.write_problems(run_dir, plan, truths)
+        rundir.write_problems(run_dir, plan, problems)
         manifest.write(run_dir.manifest, description)
         if words := rundir.point_latest(run_dir):
             progress.note(words)
@@ -91,11 +92,12 @@ def _stands(row: Row, config: RunConfig) -> bool:
 
 
 def _tallies(plan: Plan, done: set[str]) -> dict[str, Tally]:
-    tallies = {planned.method.asked: Tally() for planned in plan.methods}
-    for block in plan.blocks(set()):
-        tally = tallies[plan.methods[block[0].method].method.asked]
-        tally.total += len(block)
-        tally.done += sum(trial.key in done for trial in block)
+    total = plan.config.repeat * sum(planned.count for planned in plan.protocols)
+    tallies = {planned.method.asked: Tally(total) for planned in plan.methods}
+    if done:  # else a large run would go through all of its trials' keys for nothing
+        for block in plan.blocks(set()):
+            tally = tallies[plan.methods[block[0].method].method.asked]
+            tally.done += sum(trial.key in done for trial in block)
     return tallies
 
 
@@ -107,8 +109,8 @@ def _recorder(journal: Journal, progress: Progress) -> Callable[[Row], None]:
     return record
 
 
-def make_plan(config: RunConfig) -> tuple[Plan, dict[str, list[dict[str, Any]]]]:
-    """Resolve every name of a configuration; return the plan and the ground truth of each protocol's problems.
+def make_plan(config: RunConfig) -> tuple[Plan, dict[str, list[str]]]:
+    """Resolve every name of a configuration; return the plan and, by protocol, what `survey` says of each problem.
 
     Raises:
         UserError: An unknown name, a bad parameter, a dataset that is not prepared, a device that is not there.
@@ -117,29 +119,32 @@ def make_plan(config: RunConfig) -> tuple[Plan, dict[str, list[dict[str, Any]]]]
     registry = MethodRegistry([Path(path) for path in config.plugin])
     methods = [plan_method(registry.resolve(spec)) for spec in parse_methods(config.method)]
     folder = data_dir(Path(config.data) if config.data else None)
-    protocols, truths = [], {}
+    protocols, lines = [], {}
     for text in split_names(config.protocol) or []:
         protocol = find_protocol(text)
-        if protocol.id in truths:
+        if protocol.id in lines:
             raise UserError(f"protocol '{protocol.id}' is asked for twice")
         problems = protocol.open(folder)
-        sha256, truths[protocol.id] = survey(protocol.id, problems)
+        sha256, lines[protocol.id] = survey(protocol.id, problems)
         count = min(len(problems), config.limit or len(problems))
         protocols.append(PlannedProtocol(protocol, problems, sha256, count))
-    return Plan(config, methods, protocols, folder.resolve()), truths
+    return Plan(config, methods, protocols, folder.resolve()), lines
 
 
-def survey(protocol_id: str, problems: ProblemSet) -> tuple[str, list[dict[str, Any]]]:
-    """Go once through all problems; return the SHA-256 that freezes them, and each one's answer, label and id."""
+def survey(protocol_id: str, problems: ProblemSet) -> tuple[str, list[str]]:
+    """Go once through all problems; return the SHA-256 that freezes them, and a line of problems.jsonl for each.
+
+    A line is JSON with the problem's answer, label and id; as text, for as objects it would take five times the memory.
+    """
     digest = hashlib.sha256(f"{protocol_id} {len(problems)}".encode())
-    truths = []
+    lines = []
     for index, pair in enumerate(problems):
         for array in (pair.source, pair.target, pair.T_target_source):
             digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
         truth = None if pair.T_target_source is None else pair.T_target_source.tolist()
         answer = {"T_target_source": truth, "label": pair.label, "id": pair.id}
-        truths.append({"protocol": protocol_id, "problem": index, **answer})
-    return digest.hexdigest(), truths
+        lines.append(json.dumps({"protocol": protocol_id, "problem": index, **answer}, separators=(",", ":")))
+    return digest.hexdigest(), lines
 
 
 def _check_device(device: str) -> None:

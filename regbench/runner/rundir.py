@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
-from regbench.files import write_atomically
+from regbench.files import write_lines_atomically
+from regbench.json_lines import parse_json
 from regbench.runner.fingerprint import digest
 from regbench.runner.journal import Journal
 from regbench.runner.plan import Plan, RunConfig
@@ -170,23 +173,39 @@ def read_json(path: Path) -> dict[str, Any]:
     return value
 
 
-def write_problems(run: RunDir, plan: Plan, truths: dict[str, list[dict[str, Any]]]) -> None:
-    """Write the ground truth of the planned problems, keeping those of protocols that the folder already holds.
+def write_problems(run: RunDir, plan: Plan, problems: Mapping[str, Sequence[str]]) -> None:
+    """Write a line for each planned problem, after those that the folder holds of other problems.
 
     A damaged line is left out: where it is of a planned problem, it is written anew; else a table names what is lost.
+
+    Args:
+        run: The folder.
+        plan: What is planned.
+        problems: Lines without their ends, by protocol id, in the order of the problems (see `run.survey`).
     """
-    lines: dict[tuple[str, int], str] = {}
-    if run.problems.exists():
-        for line in run.problems.read_bytes().splitlines():
+    counts = {planned.protocol.id: planned.count for planned in plan.protocols}
+    write_lines_atomically(
+        run.problems,
+        chain(
+            _lines_of_others(run.problems, counts),
+            (f"{line}\n".encode() for protocol, count in counts.items() for line in problems[protocol][:count]),
+        ),
+    )
+
+
+def _lines_of_others(path: Path, counts: Mapping[str, int]) -> Iterator[bytes]:
+    """Yield the whole lines of a problems.jsonl that are of none of the first so many problems of a protocol."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        for line in file:
             try:
-                row = json.loads(line)
-                lines[row["protocol"], row["problem"]] = line.decode()
+                row = parse_json(line)
+                is_planned = 0 <= row["problem"] < counts.get(row["protocol"], 0)
             except (ValueError, KeyError, TypeError):
                 continue
-    for planned in plan.protocols:
-        for row in truths[planned.protocol.id][: planned.count]:
-            lines[row["protocol"], row["problem"]] = json.dumps(row, separators=(",", ":"))
-    write_atomically(run.problems, "".join(f"{line}\n" for line in lines.values()).encode())
+            if not is_planned:
+                yield line if line.endswith(b"\n") else line + b"\n"
 
 
 def find_run(path: Path | None) -> Path:

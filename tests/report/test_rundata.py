@@ -117,6 +117,37 @@ def test_a_damaged_row_is_named_by_its_line(tmp_path, truths, change, message):
         read_run(run)
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "reason"),
+    [
+        ((0, 0), float("nan"), "has values that are not finite"),
+        ((1, 3), float("inf"), "has values that are not finite"),
+        ((0, 0), 1.01, "its rotation is not orthonormal"),
+        ((slice(0, 3), 2), [0, 0, -1], "its rotation is a reflection"),
+        ((3, 0), 0.5, "its last row is not 0 0 0 1"),
+        ((0, 3), -1e101, "longer than any"),
+    ],
+)
+def test_a_truth_that_is_no_motion_is_named_by_its_line(tmp_path, truths, place, value, reason):
+    run = write_run(tmp_path, [method("icp")], [protocol("demo@1", truths)], [])
+    T = np.eye(4)
+    T[place] = value
+    with (run / "problems.jsonl").open("a") as file:
+        file.write(json.dumps({"protocol": "demo@1", "problem": 2, "T_target_source": T.tolist()}) + "\n")
+    with pytest.raises(UserError, match=rf"problems.jsonl: line 3: T_target_source is not a motion: {reason}"):
+        read_run(run)
+
+
+def test_a_truth_that_is_rigid_but_for_rounding_is_taken_as_it_is(tmp_path, truths):
+    run = write_run(tmp_path, [method("icp")], [protocol("demo@1", truths)], [])
+    T = motion((10, 20, 30))
+    T[0, 0] += 4e-5
+    with (run / "problems.jsonl").open("a") as file:
+        file.write(json.dumps({"protocol": "demo@1", "problem": 2, "T_target_source": T.tolist()}) + "\n")
+    (found,) = read_run(run).truths.values()
+    assert found[2].tobytes() == T.tobytes()
+
+
 def test_a_folder_that_is_no_run(tmp_path):
     with pytest.raises(UserError, match=r"manifest.json: cannot be read .* is this the folder of a run\?"):
         read_run(tmp_path / "nowhere")
