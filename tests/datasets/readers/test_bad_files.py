@@ -143,14 +143,16 @@ def test_truncated_anywhere_is_refused_or_whole(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(content)
     whole = reader(path)
+    # HDF5 is read in a process of its own each time: 150 cuts, else it would be three minutes.
+    cuts = range(0, len(content), max(1, len(content) // 150) if name == "pack.h5" else 1)
     refused = 0
-    for length in range(len(content)):
+    for length in cuts:
         path.write_bytes(content[:length])
         if _refused(reader, path):
             refused += 1
         elif reader is read_cloud and b"\n0 0 1" not in content:
             np.testing.assert_array_equal(reader(path), whole)
-    assert refused > len(content) / 3 or name in ("config.toml", "cloud.xyz")
+    assert refused > len(cuts) / 3 or name in ("config.toml", "cloud.xyz")
 
 
 @each_format
