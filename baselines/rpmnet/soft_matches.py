@@ -35,38 +35,41 @@ def soft_matches(source: Tensor, target: Tensor, offset: Tensor, points: Tensor)
 class _SoftMatches(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, source: Tensor, target: Tensor, offset: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
-        # Pair by pair: one K stays in the cache.
-        found = [_forward(*pair) for pair in zip(source, target, offset, values, strict=True)]
+        tensors = (source, target, offset[:, None, None], values)
+        found = [_forward(*piece) for piece in zip(*(_pieces(each) for each in tensors), strict=True)]
         ctx.save_for_backward(source, target, values)
         ctx.kept = [kept for _, _, kept in found] if any(ctx.needs_input_grad) else None
-        return torch.stack([sums for sums, _, _ in found]), torch.stack([columns for _, columns, _ in found])
+        return torch.cat([sums for sums, _, _ in found]), torch.cat([columns for _, columns, _ in found])
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        source, target, values = ctx.saved_tensors
-        found = [
-            _backward(*pair) for pair in zip(source, target, values, ctx.kept, gradients[0], gradients[1], strict=True)
-        ]
-        return *(torch.stack(each) for each in zip(*found, strict=True)), None
+        source, target, values, *of_outputs = (_pieces(each) for each in (*ctx.saved_tensors, *gradients))
+        found = [_backward(*piece) for piece in zip(source, target, values, ctx.kept, *of_outputs, strict=True)]
+        return *(torch.cat(each) for each in zip(*found, strict=True)), None
+
+
+def _pieces(batch: Tensor) -> tuple[Tensor, ...]:
+    """Return what is computed at once: on a CPU pair by pair, so that one K stays in the cache."""
+    return torch.split(batch, 1 if batch.device.type == "cpu" else len(batch))
 
 
 def _forward(
     source: Tensor, target: Tensor, offset: Tensor, values: Tensor
 ) -> tuple[Tensor, Tensor, tuple[Tensor, list[Tensor], list[Tensor]]]:
-    K = torch.addmm(offset, source, target.T)
+    K = torch.baddbmm(offset, source, target.mT)
     # The largest number of each row of K is one, its slack counted, so that no sum below is near zero.
-    highest = K.amax(dim=1).clamp_min_(0)
+    highest = K.amax(dim=2, keepdim=True).clamp_min_(0)
     slack = (-highest).exp()
-    K.sub_(highest[:, None]).exp_()
+    K.sub_(highest).exp_()
     rows: list[Tensor] = []
-    columns = [values.new_ones(len(target))]
+    columns = [torch.ones_like(values[:, :, :1])]
     for _ in range(ITERATIONS):
-        rows.append(1 / (K.mv(columns[-1]) + slack))
-        columns.append(1 / (K.T.mv(rows[-1]) + 1))
-    sums = rows[-1][:, None] * (K @ (columns[-1][:, None] * values))
+        rows.append(1 / (K @ columns[-1] + slack))
+        columns.append(1 / (K.mT @ rows[-1] + 1))
+    sums = rows[-1] * (K @ (columns[-1] * values))
     # The last scaling made each column's sum and its slack one.
-    return sums, 1 - columns[-1], (K, rows, columns)
+    return sums, 1 - columns[-1][:, :, 0], (K, rows, columns)
 
 
 def _backward(
@@ -78,20 +81,20 @@ def _backward(
     of_column_sums: Tensor,
 ) -> tuple[Tensor, Tensor, Tensor]:
     K, rows, columns = kept
-    weighted, scaled = rows[-1][:, None] * of_sums, columns[-1][:, None] * values
-    # The gradient of K is left @ right.T.
+    weighted, scaled = rows[-1] * of_sums, columns[-1] * values
+    # The gradient of K is left @ right.mT.
     left, right = [weighted], [scaled]
-    of_rows = (of_sums * (K @ scaled)).sum(dim=1)
-    of_columns = (K.T @ weighted * values).sum(dim=1) - of_column_sums
+    of_rows = (of_sums * (K @ scaled)).sum(dim=2, keepdim=True)
+    of_columns = (K.mT @ weighted * values).sum(dim=2, keepdim=True) - of_column_sums[:, :, None]
     for row, column, before in zip(reversed(rows), reversed(columns[1:]), reversed(columns[:-1]), strict=True):
         of_products = -of_columns * column.square()
-        left.append(row[:, None])
-        right.append(of_products[:, None])
-        of_rows = of_rows + K.mv(of_products)
+        left.append(row)
+        right.append(of_products)
+        of_rows = of_rows + K @ of_products
         of_products = -of_rows * row.square()
-        left.append(of_products[:, None])
-        right.append(before[:, None])
-        of_columns = K.T.mv(of_products)
+        left.append(of_products)
+        right.append(before)
+        of_columns = K.mT @ of_products
         of_rows = torch.zeros_like(of_rows)
-    of_scores = (torch.cat(left, dim=1) @ torch.cat(right, dim=1).T).mul_(K)
-    return of_scores @ target, of_scores.T @ source, of_scores.sum()
+    of_scores = (torch.cat(left, dim=2) @ torch.cat(right, dim=2).mT).mul_(K)
+    return of_scores @ target, of_scores.mT @ source, of_scores.sum(dim=(1, 2))

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from regbench.learning.layers.ball_neighbours import ball_neighbours
+from regbench.learning.layers.least_direction import least_direction
 
 
 def estimate_normals(points: Tensor, k: int) -> Tensor:
@@ -35,6 +36,4 @@ def estimate_normals(points: Tensor, k: int) -> Tensor:
         clouds = torch.arange(len(points), device=points.device)[:, None, None]
         near = points.double()[clouds, neighbours]
         near -= near.mean(dim=2, keepdim=True)
-        directions = torch.linalg.eigh(near.transpose(2, 3) @ near).eigenvectors
-        normals: Tensor = directions[..., 0].to(points.dtype)
-        return normals
+        return least_direction(near.transpose(2, 3) @ near).to(points.dtype)
