@@ -36,6 +36,6 @@ def test_matches_and_their_gradients():
         leaves = [each.detach().to(device).requires_grad_() for each in inputs]
         outputs = soft_matches(*leaves, points.to(device))
         loss = sum(each.square().sum() for each in outputs)
-        found[device] = [each.cpu() for each in (*outputs, *torch.autograd.grad(loss, leaves))]
+        found[device] = [each.detach().cpu() for each in (*outputs, *torch.autograd.grad(loss, leaves))]
     for one, other in zip(*found.values(), strict=True):
         torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-4 * float(one.abs().max()))

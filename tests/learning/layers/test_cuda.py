@@ -30,7 +30,7 @@ def without_gradients(points):
     [
         lambda points: network(points)(points),
         without_gradients,
-        lambda points: pointnet_jacobian(network(points).folded(), points),
+        lambda points: torch.cat([each.flatten() for each in pointnet_jacobian(network(points).folded(), points)]),
         lambda points: weighted_kabsch(points, points.flip(1), points[:, :, 0].abs()),
         lambda points: log_sinkhorn(points @ points.transpose(1, 2), 7),
         lambda points: se3_exp(points.view(-1, 6)),
