@@ -42,8 +42,9 @@ def _compiled(points: Tensor, radius: float, k: int) -> Tensor:
 
 def _selected(points: Tensor, radius: float, k: int) -> Tensor:
     clouds, count, _ = points.shape
-    # Differences, not products: |x|^2 + |y|^2 - 2xy loses digits where points are near.
-    distances = torch.cdist(points, points, compute_mode="donot_use_mm_for_euclid_dist")
+    # Differences, not products: |x|^2 + |y|^2 - 2xy loses digits where points are near. Not torch.cdist, which took
+    # 70 % of a training step of RPM-Net on an H200.
+    distances = (points[:, :, None] - points[:, None]).square().sum(dim=3).sqrt()
     nearest = distances.topk(min(k, count), dim=2, largest=False, sorted=False)
     chosen = torch.arange(count, device=points.device)[None, :, None].repeat(clouds, 1, k)
     chosen[:, :, :count] = torch.where(nearest.values <= radius, nearest.indices, chosen[:, :, :count])
