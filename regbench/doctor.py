@@ -13,7 +13,8 @@ from pathlib import Path
 from regbench import inventory
 from regbench.compiled.cache import NOWHERE
 from regbench.datasets.store import data_dir
-from regbench.runner.manifest import hardware, versions
+from regbench.runner.hardware import hardware
+from regbench.runner.manifest import versions
 
 # Import times differ by seconds and an import may crash: each is tried in a process of its own.
 _IMPORT = "from regbench.native import load_libusb; load_libusb(); import {0}; print('imports')"

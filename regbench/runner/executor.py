@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,7 +13,10 @@ from regbench.suggest import unknown
 
 Row = dict[str, Any]
 
-EXECUTORS = {"local": "regbench.runner.local:LocalExecutor"}
+EXECUTORS = {
+    "local": "regbench.runner.local:LocalExecutor",
+    "dask": "regbench.runner.dask_executor:DaskExecutor",
+}
 
 
 class Executor(Protocol):
@@ -22,8 +25,12 @@ class Executor(Protocol):
     def check(self, config: RunConfig) -> None:
         """Raise UserError if it cannot carry out a run so configured here; asked before anything is written."""
 
-    def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
+    def execute(
+        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]
+    ) -> Sequence[Mapping[str, Any]]:
         """Run every trial whose key is not in `done`, and hand over each row as it comes, from one thread at a time.
+
+        Returns the machines that trials ran on, as `hardware` describes one, where it may be others than this one.
 
         An exception that `on_row` raises (a full disk, an interrupt) ends the run: workers are killed and it is raised.
         """

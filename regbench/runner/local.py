@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import os
-import socket
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
+from regbench.runner.lane import Lane
 from regbench.runner.plan import Plan, RunConfig, Trial
-from regbench.runner.process import WorkerProcess
 
 Row = dict[str, Any]
-
-# More methods than this take turns and pay their imports again with every block; each holds 100 to 300 MB.
-OPEN_WORKERS = 32
 
 
 def lane_cores(jobs: int, threads: int) -> list[list[int]]:
@@ -42,21 +37,26 @@ class LocalExecutor:
     """Runs trials in processes on this machine, `--jobs` at a time."""
 
     def check(self, config: RunConfig) -> None:
-        """Refuse more jobs than there are cores for; see `Executor.check`."""
+        """Refuse more jobs than there are cores for, and a scheduler; see `Executor.check`."""
+        if config.scheduler is not None:
+            raise UserError(f"--scheduler {config.scheduler}: only --executor dask has one")
         lane_cores(config.jobs, config.threads)
 
-    def execute(self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]) -> None:
+    def execute(
+        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]
+    ) -> Sequence[dict[str, Any]]:
         """Run what is not done; see `Executor.execute`."""
         shared = _Shared(plan, plan.blocks(done), logs, on_row)
         cores_of_lanes = lane_cores(plan.config.jobs, plan.config.threads)
-        lanes = [_Lane(shared, cores) for cores in cores_of_lanes]
+        lanes = [_LaneThread(shared, cores) for cores in cores_of_lanes]
         with _kept_off({core for cores in cores_of_lanes for core in cores}):
             self._run(lanes, shared)
         if shared.failure is not None:
             raise shared.failure
+        return []
 
-    def _run(self, lanes: Sequence[_Lane], shared: _Shared) -> None:
-        started: list[_Lane] = []
+    def _run(self, lanes: Sequence[_LaneThread], shared: _Shared) -> None:
+        started: list[_LaneThread] = []
         try:
             for number, lane in enumerate(lanes):
                 threading.Thread(target=lane.run, name=f"lane {number}").start()
@@ -110,8 +110,8 @@ class _Shared:
                 self._on_row(row)
 
 
-class _Lane:
-    """Cores of its own, and the workers that take turns on them.
+class _LaneThread:
+    """A lane that takes the run's blocks, in a thread of its own.
 
     Attributes:
         finished: Set when no worker is left. Not `Thread.is_alive`: in Python 3.11 a Ctrl-C during `Thread.join` makes
@@ -119,9 +119,10 @@ class _Lane:
     """
 
     def __init__(self, shared: _Shared, cores: Sequence[int]) -> None:
-        self._shared, self._plan, self._cores = shared, shared.plan, cores
-        self._workers: OrderedDict[int, WorkerProcess] = OrderedDict()
-        self._host = socket.gethostname()
+        plan = shared.plan
+        protocols = [planned.identity for planned in plan.protocols]
+        self._shared = shared
+        self._lane = Lane(plan.config, plan.methods, protocols, plan.data_dir, cores, shared.logs)
         self.finished = threading.Event()
 
     def run(self) -> None:
@@ -131,90 +132,17 @@ class _Lane:
                 block = self._shared.next_block()
                 if block is None:
                     break
-                for trial, ahead in zip(block, [*block[1:], None], strict=True):
-                    outcome = self._outcome(trial, ahead)
+                for row in self._lane.rows(block):
                     if self._shared.stop.is_set():
                         return  # the worker was killed under it: no answer of the method's
-                    self._shared.hand_over(self._row(trial, outcome))
+                    self._shared.hand_over(row)
         except BaseException as error:  # noqa: BLE001 - handed to the run, which ends with it
             self._shared.failure = error
             self._shared.stop.set()
         finally:
-            for worker in self._workers.values():
-                worker.close()
+            self._lane.close()
             self.finished.set()
 
     def interrupt(self) -> None:
-        """Kill the workers, from another thread."""
-        for worker in list(self._workers.values()):
-            worker.interrupt()
-
-    def _outcome(self, trial: Trial, ahead: Trial | None) -> Row:
-        planned = self._plan.methods[trial.method]
-        if planned.missing:
-            return {"status": "missing", "error": planned.missing}
-        worker = self._worker(trial.method)
-        if worker.failed:
-            return worker.failed
-        following = self._request(ahead) if ahead is not None else None
-        return worker.trial(self._request(trial), following, self._plan.config.timeout)
-
-    def _request(self, trial: Trial) -> Row:
-        return {
-            "protocol": self._plan.protocols[trial.protocol].protocol.id,
-            "data_sha256": self._plan.protocols[trial.protocol].problems.data_sha256,
-            "problem": trial.problem,
-            "repeat": trial.repeat,
-            "seed": self._plan.config.seed,
-        }
-
-    def _worker(self, method: int) -> WorkerProcess:
-        """Return the method's worker: the one that lives, or a new one. A method that cannot be prepared stays so."""
-        worker = self._workers.get(method)
-        if worker is None or not (worker.alive or worker.failed):
-            while len(self._workers) >= OPEN_WORKERS:
-                self._workers.popitem(last=False)[1].close()
-            config = self._plan.config
-            asked = self._plan.methods[method].method.asked
-            worker = WorkerProcess(
-                method=self._plan.methods[method].method,
-                cores=self._cores,
-                threads=config.threads,
-                device=config.device,
-                data_dir=self._plan.data_dir,
-                memory_gb=config.memory,
-                log=self._shared.logs / f"{asked.replace('/', '_')}.log",
-            )
-            self._workers[method] = worker  # before it prepares, so that an interrupt finds it
-            worker.prepare()
-        self._workers.move_to_end(method)
-        return worker
-
-    def _row(self, trial: Trial, outcome: Row) -> Row:
-        planned = self._plan.methods[trial.method]
-        protocol = self._plan.protocols[trial.protocol]
-        return {
-            "key": trial.key,
-            "method": planned.method.asked,
-            "protocol": protocol.protocol.id,
-            "problem": trial.problem,
-            "repeat": trial.repeat,
-            "status": outcome["status"],
-            "T_target_source": outcome.get("T_target_source"),
-            "time_ms": outcome.get("time_ms"),
-            "cpu_ms": outcome.get("cpu_ms"),
-            "error": outcome.get("error"),
-            "converged": outcome.get("converged"),
-            "iterations": outcome.get("iterations"),
-            "confidence": outcome.get("confidence"),
-            "stages_s": outcome.get("stages_s", {}),
-            "facts": outcome.get("facts", {}),
-            "threads_ran": outcome.get("threads_ran"),
-            "peak_rss_mb": outcome.get("peak_rss_mb"),
-            "fingerprint": planned.fingerprint,
-            "protocol_sha256": protocol.sha256,
-            "host": self._host,
-            "cores": list(self._cores),
-            "timeout_s": self._plan.config.timeout,
-            "memory_gb": self._plan.config.memory,
-        }
+        """Kill the lane's workers, from another thread."""
+        self._lane.interrupt()

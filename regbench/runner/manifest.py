@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
-import socket
 import subprocess
 import time
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -15,34 +14,10 @@ from typing import Any
 import regbench
 from regbench.files import write_atomically
 from regbench.registry import Method
+from regbench.runner.hardware import hardware, machine_words
 from regbench.runner.plan import Plan
 
 PACKAGES = ("numpy", "scipy", "numba", "torch", "open3d", "small_gicp", "kiss-icp", "pandas", "h5py")
-
-
-def hardware() -> dict[str, Any]:
-    """Return the machine in words."""
-    import psutil
-
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-    return {
-        "hostname": socket.gethostname(),
-        "cpu": _cpu_name(),
-        "cores": os.cpu_count(),
-        "affinity": cores,
-        "memory_gb": round(psutil.virtual_memory().total / 2**30, 1),
-        "system": platform.platform(),
-    }
-
-
-def _cpu_name() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def versions() -> dict[str, str]:
@@ -116,6 +91,20 @@ def _training(method: Method) -> str | None:
     """Return what a method says of its weights' training; it need not derive from Registrar."""
     words = getattr(method.cls, "training", None)
     return words(method.cls(**method.parameters)) if words else None
+
+
+def add_machines(manifest: dict[str, Any], machines: Sequence[Mapping[str, Any]]) -> None:
+    """Add machines to those that a manifest says trials ran on; each once."""
+    known = [manifest["hardware"], *manifest.get("also_measured_on", [])]
+    for machine in machines:
+        if all(_which(machine) != _which(other) for other in known):
+            known.append(machine)
+    if len(known) > 1:
+        manifest["also_measured_on"] = known[1:]
+
+
+def _which(machine: Mapping[str, Any]) -> tuple[str, str]:
+    return machine["hostname"], machine_words(machine)
 
 
 def write(path: Path, manifest: dict[str, Any]) -> None:

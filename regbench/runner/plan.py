@@ -34,6 +34,7 @@ class RunConfig(BaseModel):
     threads: int = Field(default=1, ge=1)
     device: str = Field(default="cpu", pattern=r"^(cpu|cuda(:\d+)?)$")
     executor: str = "local"
+    scheduler: str | None = None
     data: str | None = None
     out: str | None = None
     plugin: list[str] = []
@@ -49,6 +50,15 @@ class PlannedMethod:
     missing: str | None
 
 
+@dataclass(frozen=True)
+class ProtocolIdentity:
+    """A protocol's name and version, the hash over its problems, and that of its data."""
+
+    id: str
+    sha256: str
+    data_sha256: str
+
+
 @dataclass(frozen=True, eq=False)
 class PlannedProtocol:
     """A protocol of a run, opened, with the hash over its problems and the number that the run takes."""
@@ -57,6 +67,11 @@ class PlannedProtocol:
     problems: ProblemSet
     sha256: str
     count: int
+
+    @property
+    def identity(self) -> ProtocolIdentity:
+        """What stands for it where its problems are not at hand."""
+        return ProtocolIdentity(self.protocol.id, self.sha256, self.problems.data_sha256)
 
 
 @dataclass(frozen=True)

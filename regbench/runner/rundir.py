@@ -18,6 +18,7 @@ from regbench.files import write_lines_atomically
 from regbench.json_lines import parse_json
 from regbench.runner.fingerprint import digest
 from regbench.runner.journal import Journal
+from regbench.runner.manifest import add_machines
 from regbench.runner.plan import Plan, RunConfig
 
 RUNS = Path("runs")
@@ -152,6 +153,7 @@ def _merged(run: RunDir, manifest: dict[str, Any], before: dict[str, Any]) -> di
             new["n"] = max(new["n"], old["n"])
     asked = {method["method"] for method in manifest["methods"]}
     manifest["methods"] += [method for method in before["methods"] if method["method"] not in asked]
+    add_machines(manifest, [before["hardware"], *before.get("also_measured_on", [])])
     session = {key: before.get(key) for key in ("command", "started", "finished", "git", "regbench_version")}
     manifest["earlier"] = [*before.get("earlier", []), session]
     return manifest

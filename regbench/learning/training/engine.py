@@ -284,7 +284,7 @@ def _device_words(on_cuda: bool, devices: int) -> str:
     if on_cuda:
         name = torch.cuda.get_device_name()
         return name if devices == 1 else f"{devices} x {name}"
-    from regbench.runner.manifest import hardware
+    from regbench.runner.hardware import hardware
 
     threads = devices * torch.get_num_threads()
     return f"{hardware()['cpu']}, {threads} thread{'s' if threads > 1 else ''}"
