@@ -17,7 +17,7 @@ def report(
     paper: Annotated[bool, typer.Option(help="Put the paper's own figures beside ours.")] = False,
     protocol: Annotated[list[str] | None, typer.Option("--protocol", "-p", help="Only these protocols.")] = None,
     method: Annotated[list[str] | None, typer.Option("--method", "-m", help="Only these methods.")] = None,
-    mixed: Annotated[bool, typer.Option(help="Put rows of different protocol versions or data together.")] = False,
+    mixed: Annotated[bool, typer.Option(help="Put together what does not compare (docs/report.md).")] = False,
     data: Data = None,
 ) -> None:
     """Write one page that opens anywhere, offline: tables, curves, pairs to turn, failures, versions and hardware."""

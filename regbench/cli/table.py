@@ -21,7 +21,7 @@ def table(
     ] = None,
     protocol: Annotated[list[str] | None, typer.Option(help="Only these protocols.")] = None,
     method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
-    mixed: Annotated[bool, typer.Option(help="Put rows of different protocol versions or data together.")] = False,
+    mixed: Annotated[bool, typer.Option(help="Put together what does not compare (docs/report.md).")] = False,
     intervals: Annotated[bool, typer.Option("--intervals", help="Put a 95 % interval beside each figure.")] = False,
     improvement: Annotated[
         str | None,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
+from regbench.runner.hardware import machine_words
 
 SETTINGS = ("seed", "threads", "device")
 
@@ -121,7 +122,7 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
         for row in content["protocols"]
     }
     hardware = [content["hardware"], *content.get("also_measured_on", [])]
-    machines = tuple(dict.fromkeys(f"{machine['cpu']}, {machine['cores']} cores" for machine in hardware))
+    machines = tuple(dict.fromkeys(machine_words(machine) for machine in hardware))
     return Manifest(methods, protocols, int(config.get("repeat", 1)), machines, str(config.get("device", "cpu")))
 
 

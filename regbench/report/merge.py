@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from regbench.errors import UserError
+from regbench.report.one_machine import times_of_one_machine
 from regbench.report.rundata import Group, RunData, read_run
 from regbench.report.truths import Truths
 
@@ -16,9 +17,9 @@ def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
 
     Args:
         run_dirs: At least one.
-        mixed: Let stand side by side what does not compare: protocols of one name but different content or version,
-            methods of one name but different fingerprint or, on one protocol, other seed, threads or device. Names
-            that would then be the same get a part of their hash, or their settings.
+        mixed: Let stand side by side what does not compare: times of different machines, protocols of one name but
+            different content or version, methods of one name but different fingerprint or, on one protocol, other
+            seed, threads or device. Names that would then be the same get a part of their hash, or their settings.
 
     Raises:
         UserError: As read_run; or the runs do not compare and `mixed` is not set.
@@ -33,12 +34,13 @@ def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
     for run in runs:
         for protocol, known in run.truths.items():
             truths[protocol] = truths[protocol].joined(known) if protocol in truths else known
-    return RunData(
+    together = RunData(
         _named_apart(_merged(groups)),
         truths,
         sum(run.stale for run in runs),
         list(dict.fromkeys(machine for run in runs for machine in run.machines)),
     )
+    return together if mixed else times_of_one_machine(together)
 
 
 def _refuse_mixture(groups: Sequence[Group]) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from regbench.errors import UserError
 from regbench.report.manifest import Manifest, MethodInfo, ProtocolInfo, read_manifest
@@ -45,13 +47,15 @@ class RunData:
         groups: Sections in the order of the protocols, rows in the order of the methods, as they were asked for.
         truths: Ground truth T_target_source by (protocol id, sha256) and problem; None where nobody knows it.
         stale: Rows left out because their method or protocol has changed since, or is not in the manifest.
-        machines: Processors that the runs name.
+        machines: Those that times are of, in words.
+        times_left_out: Trials whose times are left out, by machine (see one_machine.py).
     """
 
     groups: Sequence[Group]
     truths: Mapping[tuple[str, str], Truths]
     stale: int
     machines: Sequence[str]
+    times_left_out: Mapping[str, int] = field(default_factory=dict)
 
 
 def read_run(run_dir: Path) -> RunData:
@@ -75,8 +79,17 @@ def read_run(run_dir: Path) -> RunData:
                 f"{run_dir / 'problems.jsonl'}: has no problem {lacking} of {group.protocol.id}, which "
                 "trials.jsonl answers; the file was damaged or belongs to another run. Give the run's command again"
             )
+    groups = [_with_machines(group, manifest) for group in groups]
+    named = dict.fromkeys(machine for group in groups for machine in dict.fromkeys(group.trials.machines.tolist()))
     by_hash = {(info.id, info.sha256): truths.get(info.id, no_truths()) for info in manifest.protocols.values()}
-    return RunData(groups, by_hash, stale, manifest.machines)
+    return RunData(groups, by_hash, stale, list(named) or manifest.machines)
+
+
+def _with_machines(group: Group, manifest: Manifest) -> Group:
+    """Name the machine of rows from before rows named theirs: the manifest's, or all that it has."""
+    machines = group.trials.machines
+    unnamed = "; ".join(manifest.machines)
+    return replace(group, trials=replace(group.trials, machines=np.where(machines == "", unnamed, machines)))
 
 
 def _read_trials(path: Path, manifest: Manifest) -> tuple[dict[tuple[str, str], Trials], int]:

@@ -163,6 +163,9 @@ def remarks_on(run: RunData, format: str) -> list[str]:
     remarks = [f"Measured on {'; '.join(run.machines)}."]
     if len(run.machines) > 1:
         remarks[0] += " Times of different machines do not compare: they are not ranked."
+    if run.times_left_out:
+        others = " and ".join(f"of {count:,} rows from {machine}" for machine, count in run.times_left_out.items())
+        remarks[0] += f" Times {others} are left out (--mixed puts all together)."
     if run.stale and format != "latex":  # a printed table's reader knows of no older rows
         remarks.append(f"{run.stale} rows of methods or protocols that have changed since are left out.")
     return remarks

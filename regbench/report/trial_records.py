@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from regbench.report.manifest import read_manifest
 from regbench.report.problem_names import ProblemName, problem_names
 from regbench.report.rundata import Group, RunData, read_run
 from regbench.report.table import choose
@@ -36,14 +35,12 @@ def trial_records(
     """
     for run_dir in run_dirs:
         run = choose(read_run(run_dir), protocols, methods)
-        names, hardware = problem_names([run_dir]), " and ".join(read_manifest(run_dir).machines)
+        names = problem_names([run_dir])
         for group in run.groups:
-            yield from _of_group(group, run, run_dir, hardware, names)
+            yield from _of_group(group, run, run_dir, names)
 
 
-def _of_group(
-    group: Group, run: RunData, run_dir: Path, hardware: str, names: dict[tuple[str, int], ProblemName]
-) -> Iterator[Record]:
+def _of_group(group: Group, run: RunData, run_dir: Path, names: dict[tuple[str, int], ProblemName]) -> Iterator[Record]:
     truths = run.truths[group.protocol.id, group.protocol.sha256]
     errors = trial_errors(group, run)
     of_known = iter(zip(errors.rotation_errors_deg.tolist(), errors.translation_errors.tolist(), strict=True))
@@ -57,7 +54,7 @@ def _of_group(
             "method": group.method.method,
             "fingerprint": group.method.fingerprint,
             "settings": group.method.settings,
-            "hardware": hardware,
+            "hardware": trial.machine,
             "problem": problem,
             "problem_id": name.id,
             "category": name.label,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ class Trial:
         T_target_source: 4x4 nested list; the identity where the trial failed, which is how it is scored.
         time_ms: Wall time, or NaN.
         cpu_ms: CPU time, or NaN.
+        machine: Processor and number of cores of where it ran, or "" where the journal does not say.
     """
 
     key: str
@@ -40,6 +42,7 @@ class Trial:
     T_target_source: list[list[float]]
     time_ms: float
     cpu_ms: float
+    machine: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,7 @@ class Trials(Mapping[tuple[int, int], Trial]):
         T_target_source: (n, 4, 4) float64; the identity where the trial failed.
         time_ms: (n,) wall times, or NaN.
         cpu_ms: (n,) CPU times, or NaN.
+        machines: (n,) where they ran, in words; "" where the journal does not say.
     """
 
     problems: Integers
@@ -63,6 +67,7 @@ class Trials(Mapping[tuple[int, int], Trial]):
     T_target_source: Array
     time_ms: Array
     cpu_ms: Array
+    machines: NDArray[np.object_]
 
     def __len__(self) -> int:
         return len(self.problems)
@@ -82,6 +87,7 @@ class Trials(Mapping[tuple[int, int], Trial]):
             self.T_target_source[position].tolist(),
             float(self.time_ms[position]),
             float(self.cpu_ms[position]),
+            str(self.machines[position]),
         )
 
     @property
@@ -124,6 +130,7 @@ class TrialsBuilder:
         self._lines, self._problems, self._repeats, self._codes = (array("q") for _ in range(4))
         self._motions, self._time_ms, self._cpu_ms = (array("d") for _ in range(3))
         self._keys: list[str] = []
+        self._machines: list[str] = []
 
     def add(self, row: Mapping[str, Any], line: int) -> None:
         """Take a row of the journal; `line` is its number in the file.
@@ -146,6 +153,7 @@ class TrialsBuilder:
         self._time_ms.append(nan if time_ms is None else float(time_ms))
         self._cpu_ms.append(nan if cpu_ms is None else float(cpu_ms))
         self._keys.append(row["key"])
+        self._machines.append(sys.intern(str(row.get("machine", ""))))  # one object for all rows
 
     def build(self) -> Trials:
         """Return what was taken, in order.
@@ -164,6 +172,7 @@ class TrialsBuilder:
             T_target_source=T_target_source,
             time_ms=np.frombuffer(self._time_ms, dtype=np.float64),
             cpu_ms=np.frombuffer(self._cpu_ms, dtype=np.float64),
+            machines=np.array(self._machines, dtype=object),
         )
 
 

@@ -38,8 +38,8 @@ class ClaimedCores:
                     self.cores.append(core)
             if len(self.cores) < count:
                 raise UserError(
-                    f"{socket.gethostname()}: a dask worker's thread needs {count} cores for itself, of the {len(usable)} "
-                    f"that it may use {len(self.cores)} are free: timed trials never share a core. "
+                    f"{socket.gethostname()}: a dask worker's thread needs {count} cores for itself, of the "
+                    f"{len(usable)} that it may use {len(self.cores)} are free: timed trials never share a core. "
                     "Start workers with --nthreads 1, and fewer of them"
                 )
             self._locks = locks.pop_all()

@@ -70,8 +70,7 @@ def _client(config: RunConfig) -> Iterator[Client]:
     """Yield a client of the scheduler that the configuration names, or of one of its own."""
     from distributed import Client, LocalCluster
 
-    # What it says of lost connections is said by this run, in one line.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _quieten()
     if config.scheduler is not None:
         try:
             client = Client(config.scheduler, timeout=CONNECT_S, set_as_default=False)
@@ -90,6 +89,12 @@ def _client(config: RunConfig) -> Iterator[Client]:
         Client(cluster, set_as_default=False) as client,
     ):
         yield client
+
+
+def _quieten() -> None:
+    """Let dask's loggers, each with a level of its own, be quiet: this run says in one line what becomes of it."""
+    for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _ready(client: Client, name: str) -> list[dict[str, Any]]:

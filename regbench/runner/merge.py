@@ -11,6 +11,7 @@ from typing import Any
 from regbench.errors import UserError
 from regbench.files import write_atomically
 from regbench.runner import manifest as manifests
+from regbench.runner.hardware import machine_words
 from regbench.runner.journal import Journal, Row, rows_in
 from regbench.runner.rundir import RunDir, read_json
 
@@ -128,6 +129,7 @@ def _rows(described: Sequence[tuple[Path, Manifest]], *, anyway: bool) -> tuple[
     for folder, manifest in described:
         fingerprints = {method["method"]: method["fingerprint"] for method in manifest["methods"]}
         hashes = {protocol["id"]: protocol["sha256"] for protocol in manifest["protocols"]}
+        machines = [machine_words(machine) for machine in _machines(manifest)]
         of_folder: dict[str, Row] = {}
         for row in rows_in(RunDir(folder).trials):
             if row["fingerprint"] != fingerprints.get(row["method"]) or row["protocol_sha256"] != hashes.get(
@@ -135,6 +137,8 @@ def _rows(described: Sequence[tuple[Path, Manifest]], *, anyway: bool) -> tuple[
             ):
                 stale += 1
                 continue
+            if len(machines) == 1:
+                row.setdefault("machine", machines[0])  # journals did not always say
             of_folder[row["key"]] = row  # of several the last is the trial's
         for key, row in of_folder.items():
             known = rows.get(key)

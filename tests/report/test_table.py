@@ -130,9 +130,25 @@ def test_times_of_different_machines_are_not_ranked(tmp_path):
     for name, time_ms in (("icp", 1.0), ("fgr", 2.0)):
         m = method(name)
         runs.append(write_run(tmp_path / name, [m], [p], [row(m, p, 0, motion(), time_ms=time_ms)], cpu=f"{name} CPU"))
-    text = render(runs, format="text", metrics=["time_median_ms"])
+    one = " ".join(render(runs, format="text", metrics=["time_median_ms"]).split())
+    assert "Measured on icp CPU, 2 cores. Times of 1 rows from fgr CPU, 2 cores are left out (--mixed" in one
+    text = render(runs, format="text", metrics=["time_median_ms"], mixed=True)
     assert "icp CPU, 2 cores; fgr CPU, 2 cores. Times of different machines do not compare" in " ".join(text.split())
     assert "1.000*" not in text
+
+
+def test_rows_of_one_run_that_name_two_machines_are_timed_on_the_commoner(tmp_path):
+    m, p = method("icp"), protocol("demo@1", [motion()] * 3)
+    rows = [row(m, p, number, motion(), time_ms=time_ms) for number, time_ms in enumerate((1.0, 5.0, 900.0))]
+    for each, machine in zip(rows, ("A, 2 cores", "A, 2 cores", "B, 8 cores"), strict=True):
+        each["machine"] = machine
+    run = write_run(tmp_path, [m], [p], rows)
+    text = " ".join(render([run], format="text", metrics=["time_median_ms", "recall_5deg"]).split())
+    assert "icp 3 3.000 1.0000" in text
+    assert "Measured on A, 2 cores. Times of 1 rows from B, 8 cores are left out" in text
+    mixed = " ".join(render([run], format="text", metrics=["time_median_ms"], mixed=True).split())
+    assert "icp 3 5.000" in mixed
+    assert "Measured on A, 2 cores; B, 8 cores." in mixed
 
 
 def test_stale_rows_are_spoken_of(tmp_path):

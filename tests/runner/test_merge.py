@@ -65,7 +65,7 @@ def test_rows_that_are_out_of_date_stay_behind(tmp_path):
 def test_two_machines_are_both_named_and_their_times_not_ranked(tmp_path, capsys):
     a, b = shard(tmp_path / "a", [0, 1]), shard(tmp_path / "b", [2, 3], cpu="Another CPU")
     merge_runs([a, b], tmp_path / "c")
-    assert read_run(tmp_path / "c").machines == ("Test CPU, 2 cores", "Another CPU, 2 cores")
+    assert read_run(tmp_path / "c").machines == ["Test CPU, 2 cores", "Another CPU, 2 cores"]
     assert main(["table", str(tmp_path / "c")]) == 0
     assert re.search(r"Test CPU.*Another CPU", capsys.readouterr().out, re.DOTALL)
     merge_runs([tmp_path / "c", shard(tmp_path / "d", [0])], tmp_path / "e")

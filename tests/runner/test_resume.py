@@ -12,6 +12,8 @@ import pytest
 from tests.runner.helpers import FAULTY, regbench, rows_of, run_here, wait_until
 
 SLOW = """
+import time
+
 import numpy as np
 from regbench import Registration
 
@@ -20,7 +22,7 @@ class Slow:
     def register(self, problem):
         time.sleep(0.02)
         T = np.eye(4)
-        T[:3, 3] = np.random.default_rng(problem.seed).normal(size=3)
+        T[:3, 3] = problem.target.mean(axis=0) + np.random.default_rng(problem.seed).normal(size=3)
         return Registration(T_target_source=T)
 """
 
@@ -50,6 +52,7 @@ def test_kill_9_in_the_middle(tmp_path, rounds):
     assert undisturbed.returncode == 0, undisturbed.stderr
     rows = rows_of(tmp_path / "killed")
     assert len(rows) == len({row["key"] for row in rows}) == 160
+    assert {row["status"] for row in rows} == {"ok"}
     assert answers(rows) == answers(rows_of(tmp_path / "undisturbed"))
 
 

@@ -54,9 +54,10 @@ def draw_figure(
     format_of(out)
     new_figure()  # says before the runs are read that matplotlib is missing
     run = choose(read_runs(runs, mixed=mixed), protocols, methods)
-    if kind.compares_times and len(run.machines) > 1 and not mixed:
+    if kind.compares_times and run.times_left_out:
+        machines = "; ".join([*run.machines, *run.times_left_out])
         raise UserError(
-            f"plot {name}: times of different machines do not compare ({'; '.join(run.machines)}); leave one out, or "
+            f"plot {name}: times of different machines do not compare ({machines}); leave one out, or "
             "give --mixed to draw them together"
         )
     by_protocol: dict[str, list[Group]] = {}
