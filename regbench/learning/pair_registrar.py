@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regbench.contract import Problem, Registrar, Registration
 from regbench.geometry.local_frame import LocalFrame
@@ -18,6 +20,16 @@ from regbench.learning.weight_files import WeightFiles
 
 if TYPE_CHECKING:
     from regbench.learning.pair_network import PairNetwork
+
+
+@dataclass(frozen=True, eq=False)
+class _Local:
+    """A problem as a network sees it: the frame, the start in it, and the clouds, (N, 3) and (M, 3)."""
+
+    frame: LocalFrame
+    start: NDArray[np.float64]
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
 
 
 class PairRegistrar(Registrar):
@@ -92,23 +104,45 @@ class PairRegistrar(Registrar):
             ValueError: A cloud has no points.
             UserError: As `prepare`.
         """
+        return self.register_batch([problem])[0]
+
+    def register_batch(self, problems: Sequence[Problem]) -> list[Registration]:
+        """Estimate T_target_source of several problems; those with clouds of the same sizes go through at once.
+
+        Raises:
+            ValueError: A cloud has no points.
+            UserError: As `prepare`.
+        """
         import torch
 
         if self._network is None:
             self.prepare()
         assert self._network is not None
-        network = self._network.to(problem.device)
+        asked = [self._local(problem) for problem in problems]
+        by_sizes: dict[tuple[int, int], list[int]] = {}
+        for place, local in enumerate(asked):
+            by_sizes.setdefault((len(local.source), len(local.target)), []).append(place)
+        answers: dict[int, Registration] = {}
+        for places in by_sizes.values():
+            device = problems[places[0]].device
+            stacked = (np.stack([getattr(asked[place], cloud) for place in places]) for cloud in ("source", "target"))
+            source, target = (torch.tensor(clouds, dtype=torch.float32, device=device) for clouds in stacked)
+            with torch.inference_mode():
+                found = self._network.to(device).align(source, target, **self.options())
+            motions = found.T_target_source.double().cpu().numpy()
+            for number, place in enumerate(places):
+                local = asked[place]
+                # Float32 rotations are orthonormal to six digits.
+                answers[place] = Registration(
+                    T_target_source=local.frame.from_local(nearest_rigid(motions[number]) @ local.start),
+                    iterations=found.iterations,
+                    confidence=None if found.confidence is None else float(found.confidence[number]),
+                )
+        return [answers[place] for place in range(len(problems))]
+
+    def _local(self, problem: Problem) -> _Local:
         frame = LocalFrame.of(problem)
         start = start_of(problem, frame, self.init)
         rng = np.random.default_rng(problem.seed)
-        clouds = (drawn(cloud, self.max_points, rng) for cloud in (transform(start, frame.source), frame.target))
-        source, target = (torch.tensor(cloud, dtype=torch.float32, device=problem.device)[None] for cloud in clouds)
-        with torch.inference_mode():
-            found = network.align(source, target, **self.options())
-        # Float32 rotations are orthonormal to six digits.
-        T_local = nearest_rigid(found.T_target_source[0].double().cpu().numpy()) @ start
-        return Registration(
-            T_target_source=frame.from_local(T_local),
-            iterations=found.iterations,
-            confidence=None if found.confidence is None else float(found.confidence[0]),
-        )
+        clouds = (transform(start, frame.source), frame.target)
+        return _Local(frame, start, *(drawn(cloud, self.max_points, rng) for cloud in clouds))

@@ -210,6 +210,8 @@ def _method_remarks(row: Row) -> list[str]:
     remarks = ["sees the ground truth"] if row["sees_ground_truth"] else []
     if row.get("training"):
         remarks.append(f"learned: {row['training']}")
+    if row.get("batch", 1) > 1:
+        remarks.append(f"answered {row['batch']} problems at a time: accuracy only, no times")
     if row["kind"] == "published" and not row["impossible"] and row["note"]:
         remarks.append(row["note"])
     return remarks

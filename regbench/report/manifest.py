@@ -18,8 +18,9 @@ SETTINGS = ("seed", "threads", "device")
 class MethodInfo:
     """A method of a run: its name as asked for, its kind, the hash that says which rows are its own, and its settings.
 
-    Settings are what of a run's options changes answers or times: seed, threads, device, in words. `training` is how
-    its weights were trained, in words, or None.
+    Settings are what of a run's options changes answers or times: seed, threads, device and, of a method that answered
+    several problems at once, how many, in words. `training` is how its weights were trained, in words, or None. `batch`
+    is the number of problems that it answered at a time.
     """
 
     method: str
@@ -28,6 +29,7 @@ class MethodInfo:
     fingerprint: str
     settings: str = ""
     training: str | None = None
+    batch: int = 1
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,9 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
             _kind(row),
             bool(row["sees_ground_truth"]),
             _text(row, "fingerprint"),
-            settings,
+            settings if (batch := _batch(row)) == 1 else f"{settings}, batch {batch}",
             _text_or_none(row, "training"),
+            batch,
         )
         for row in rows
     }
@@ -134,6 +137,12 @@ def _text(row: Mapping[str, Any], key: str) -> str:
 
 def _text_or_none(row: Mapping[str, Any], key: str) -> str | None:
     return None if row.get(key) is None else _text(row, key)
+
+
+def _batch(row: Mapping[str, Any]) -> int:
+    if not isinstance(batch := row.get("batch", 1), int) or batch < 1:
+        raise ValueError("a method's 'batch' is no number of problems")
+    return batch
 
 
 def _kind(row: Mapping[str, Any]) -> str:

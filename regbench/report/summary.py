@@ -31,8 +31,8 @@ def summarise(run: RunData, cloud_errors: CloudErrors | None = None) -> list[Row
 
     Returns:
         Rows with the keys method, protocol, n (trials scored), failures (by status, those that occur), then every
-        metric; then kind, sees_ground_truth, training (of its weights, in words), planned (trials), n_truth (trials of
-        known truth), note.
+        metric; then kind, sees_ground_truth, training (of its weights, in words), batch (problems answered at a time),
+        planned (trials), n_truth (trials of known truth), note.
     """
     errors = cloud_errors or {}
     return [summarise_group(group, samples_of(group, run, errors), errors) for group in run.groups]
@@ -54,6 +54,7 @@ def summarise_group(group: Group, samples: Samples, cloud_errors: CloudErrors) -
         "kind": group.method.kind,
         "sees_ground_truth": group.method.sees_ground_truth,
         "training": group.method.training,
+        "batch": group.method.batch,
         "planned": group.planned,
         "n_truth": len(samples.rotation_errors_deg),
         "note": None,

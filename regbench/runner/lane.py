@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +46,29 @@ class Lane:
         self._place = {"host": socket.gethostname(), "machine": machine_words(hardware()), "cores": list(cores)}
 
     def rows(self, block: Sequence[Trial]) -> Iterator[Row]:
-        """Run trials and yield their rows."""
+        """Run trials of one method and one protocol and yield their rows."""
+        size = self._config.batch
+        if size > 1 and self._methods[block[0].method].takes_batches:
+            for first in range(0, len(block), size):
+                yield from self._rows_of_batch(block[first : first + size])
+            return
         for trial, ahead in zip(block, [*block[1:], None], strict=True):
             yield self._row(trial, self._outcome(trial, ahead))
+
+    def _rows_of_batch(self, trials: Sequence[Trial]) -> Iterator[Row]:
+        """Run trials at once or, where that fails, one by one: each then has its own status. None has a time."""
+        outcomes = self._outcomes_of_batch(trials)
+        together = outcomes is not None
+        for trial, outcome in zip(trials, outcomes or repeat(None), strict=False):
+            found = outcome or self._outcome(trial, None)
+            untimed: Row = {"time_ms": None, "cpu_ms": None, "stages_s": {}}
+            yield self._row(trial, found | untimed) | {"batch": len(trials) if together else 1}
+
+    def _outcomes_of_batch(self, trials: Sequence[Trial]) -> Sequence[Row] | None:
+        if self._methods[trials[0].method].missing or (worker := self._worker(trials[0].method)).failed:
+            return None
+        limit_s = self._config.timeout * len(trials)
+        return worker.batch([self._request(trial) for trial in trials], limit_s)
 
     def interrupt(self) -> None:
         """Kill the workers, from another thread."""

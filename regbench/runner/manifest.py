@@ -63,13 +63,14 @@ def describe(plan: Plan, command: list[str]) -> dict[str, Any]:
                 "name": planned.method.cls.__dict__.get("name", planned.method.asked),
                 "kind": planned.method.trait("kind"),
                 "sees_ground_truth": planned.method.trait("sees_ground_truth"),
+                "batch": plan.batch_of(place),
                 "deterministic": planned.method.trait("deterministic"),
                 "parameters": planned.method.parameters,
                 "version": str(planned.method.trait("version")),
                 "fingerprint": planned.fingerprint,
                 "training": _training(planned.method),
             }
-            for planned in plan.methods
+            for place, planned in enumerate(plan.methods)
         ],
         "protocols": [
             {

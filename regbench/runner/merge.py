@@ -18,7 +18,7 @@ from regbench.runner.rundir import RunDir, read_json
 Manifest = dict[str, Any]
 
 # What a run's rows depend on beside method and protocol; a folder has one of each.
-SETTINGS = ("seed", "threads", "device")
+SETTINGS = ("seed", "threads", "batch", "device")
 # What a merged manifest tells of each run that went into it.
 TOLD = ("command", "started", "finished", "git", "regbench_version", "versions", "hardware", "config", "earlier")
 
@@ -87,7 +87,7 @@ def _merged(described: Sequence[tuple[Path, Manifest]]) -> Manifest:
     protocols = {protocol["id"]: protocol for protocol in merged["protocols"]}
     for folder, manifest in others:
         for option in SETTINGS:
-            was, now = base["config"].get(option), manifest["config"].get(option)
+            was, now = (config.get(option, 1) for config in (base["config"], manifest["config"]))
             if was != now:
                 raise _apart(f"--{option}", f"{was} in {first}", f"{now} in {folder}")
         for method in manifest["methods"]:

@@ -32,6 +32,7 @@ class RunConfig(BaseModel):
     memory: float = Field(default=8.0, gt=0, le=2**20)
     jobs: int = Field(default=1, ge=1)
     threads: int = Field(default=1, ge=1)
+    batch: int = Field(default=1, ge=1)
     device: str = Field(default="cpu", pattern=r"^(cpu|cuda(:\d+)?)$")
     executor: str = "local"
     scheduler: str | None = None
@@ -48,6 +49,11 @@ class PlannedMethod:
     method: Method
     fingerprint: str
     missing: str | None
+
+    @property
+    def takes_batches(self) -> bool:
+        """Whether the method answers several problems at once."""
+        return callable(getattr(self.method.cls, "register_batch", None))
 
 
 @dataclass(frozen=True)
@@ -100,18 +106,22 @@ class Plan:
         It is `digest` of a list, whose bytes orjson makes so fast that the whole takes a fifth of the time (1.6 against
         8.4 us, on a busy machine): a run may have a hundred million trials.
         """
-        content = orjson.dumps(
-            [
-                self.methods[method].fingerprint,
-                self.protocols[protocol].sha256,
-                problem,
-                repeat,
-                self.config.seed,
-                self.config.threads,
-                self.config.device,
-            ]
-        )
-        return hashlib.sha256(content).hexdigest()[:32]
+        content = [
+            self.methods[method].fingerprint,
+            self.protocols[protocol].sha256,
+            problem,
+            repeat,
+            self.config.seed,
+            self.config.threads,
+            self.config.device,
+        ]
+        if (size := self.batch_of(method)) > 1:
+            content.append(size)  # the last bits of an answer may depend on what it was computed with
+        return hashlib.sha256(orjson.dumps(content)).hexdigest()[:32]
+
+    def batch_of(self, method: int) -> int:
+        """Return how many problems a method answers at a time; see `RunConfig.batch`."""
+        return self.config.batch if self.config.batch > 1 and self.methods[method].takes_batches else 1
 
     def blocks(self, done: set[str]) -> Iterator[list[Trial]]:
         """Yield the trials that have no row yet, in blocks of one method each.
@@ -120,12 +130,13 @@ class Plan:
         hour on the machine falls on all of them alike. Within a round the order of methods is shuffled, by a seed.
         """
         order = list(range(len(self.methods)))
+        block_size = max(BLOCK, self.config.batch)
         shuffle = random.Random(self.config.seed)
         for repeat in range(self.config.repeat):
             for protocol, planned in enumerate(self.protocols):
-                for start in range(0, planned.count, BLOCK):
+                for start in range(0, planned.count, block_size):
                     shuffle.shuffle(order)
-                    problems = range(start, min(start + BLOCK, planned.count))
+                    problems = range(start, min(start + block_size, planned.count))
                     for method in order:
                         trials = [
                             Trial(method, protocol, problem, repeat, self.key(method, protocol, problem, repeat))

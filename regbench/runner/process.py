@@ -127,19 +127,34 @@ class WorkerProcess:
                 0.52 and 0.57 (two runs each of benchmarks/bench_runner.py, on a busy machine).
             timeout_s: Seconds that it may take.
         """
-        if request["protocol"] not in self._warm:
-            reply = self._ask({"do": "open", **request}, limit_s=PREPARE_LIMIT_S)
-            if reply["status"] != "ok":
-                return reply | {"error": f"while its data were opened: {reply['error']}"}
-            reply = self._ask({"do": "warm_up", **request}, limit_s=timeout_s)
-            if reply["status"] != "ok":
-                return reply | {"error": f"while it warmed up: {reply['error']}"}
-            self._warm.add(request["protocol"])
+        if (cold := self._warmed(request, timeout_s)) is not None:
+            return cold
         messages = [] if self._sent_ahead == request else [request]
         self._sent_ahead = ahead if ahead is not None and ahead["protocol"] in self._warm else None
         if self._sent_ahead is not None:
             messages.append(self._sent_ahead)
         return self._ask(*({"do": "trial", **message} for message in messages), limit_s=timeout_s)
+
+    def batch(self, requests: Sequence[Message], timeout_s: float) -> list[Message] | None:
+        """Run trials of one protocol at once; return their parts of the rows, or None where they did not all come."""
+        if self._warmed(requests[0], timeout_s) is not None:
+            return None
+        problems = [request["problem"] for request in requests]
+        reply = self._ask({"do": "batch", **requests[0], "problems": problems}, limit_s=timeout_s)
+        return reply["outcomes"] if reply["status"] == "ok" else None
+
+    def _warmed(self, request: Message, timeout_s: float) -> Message | None:
+        """Open a protocol's data and let the method warm up on it, once; return what went wrong, or None."""
+        if request["protocol"] in self._warm:
+            return None
+        reply = self._ask({"do": "open", **request}, limit_s=PREPARE_LIMIT_S)
+        if reply["status"] != "ok":
+            return reply | {"error": f"while its data were opened: {reply['error']}"}
+        reply = self._ask({"do": "warm_up", **request}, limit_s=timeout_s)
+        if reply["status"] != "ok":
+            return reply | {"error": f"while it warmed up: {reply['error']}"}
+        self._warm.add(request["protocol"])
+        return None
 
     def close(self) -> None:
         """Let an idle process go."""

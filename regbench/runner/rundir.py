@@ -64,6 +64,8 @@ def of_config(config: RunConfig) -> RunDir:
     if config.out is not None:
         return RunDir(Path(config.out))
     what = config.model_dump(include={"method", "protocol", "limit", "repeat", "seed", "threads", "device", "plugin"})
+    if config.batch > 1:
+        what["batch"] = config.batch
     words = "+".join(config.method) + "--" + "+".join(config.protocol)
     slug = re.sub(r"[^A-Za-z0-9_.@+=-]+", "-", words)[:60].strip("-")
     return RunDir(RUNS / f"{slug}-{digest(what)[:8]}")
@@ -136,8 +138,8 @@ def merge_manifest(run: RunDir, manifest: dict[str, Any]) -> dict[str, Any]:
 
 
 def _merged(run: RunDir, manifest: dict[str, Any], before: dict[str, Any]) -> dict[str, Any]:
-    for option in ("seed", "threads", "device"):
-        was, now = before["config"].get(option), manifest["config"][option]
+    for option in ("seed", "threads", "batch", "device"):
+        was, now = before["config"].get(option, 1), manifest["config"][option]
         if was != now:
             raise UserError(
                 f"{run.path}: holds a run with --{option} {was}, this one has --{option} {now}; "

@@ -176,6 +176,29 @@ class Worker:
             outcome = failure(error)
         return outcome | vars(clock.measurement)
 
+    def batch(self, request: Message) -> Message:
+        """Run several problems of a protocol at once and return their parts of the rows."""
+        outcomes: list[Message] = []
+        asked = []
+        try:
+            for number in request["problems"]:
+                problem, _ = self._problem({**request, "problem": number})
+                if reason := self._optional("skip")(problem):
+                    outcomes.append({"status": "skipped", "error": str(reason)[:500]})
+                else:
+                    outcomes.append({"status": "asked"})
+                    asked.append(problem)
+            answers = list(self._method.register_batch(asked)) if asked else []
+            if len(answers) != len(asked):
+                return {"status": "error", "error": f"{len(answers)} answers to {len(asked)} problems"}
+            checked = iter([_checked(answer) for answer in answers])
+        except Exception as error:  # noqa: BLE001 - whatever a method or a data file does
+            return failure(error)
+        except SystemExit as error:
+            return failure(error)
+        merged = [next(checked) if outcome["status"] == "asked" else outcome for outcome in outcomes]
+        return {"status": "ok", "outcomes": merged}
+
 
 def _find(setup: Message) -> Any:
     """Import the method's class where the run found it, and build it."""
