@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from regbench.learning.budget import training_budget
+from regbench.learning.budget import hours_by_device, training_budget
 
 
 def training_words(weights: Path) -> str | None:
@@ -25,7 +25,8 @@ def training_words(weights: Path) -> str | None:
             budget = training_budget(card)
             if budget["samples"]:
                 parts.append(f"{budget['samples']:,} samples")
-            parts.append(f"{_duration(budget['hours'])} on {card.get('device', 'a device not stated')}")
+            devices = hours_by_device(card).items()
+            parts.append(" and ".join(f"{_duration(hours)} on {device}" for device, hours in devices))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):  # a card is a file, and may hold anything
         return None
     return ", ".join(parts)

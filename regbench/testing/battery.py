@@ -51,6 +51,7 @@ BATTERY = (
     Check("optional inputs", answers.check_optional_inputs, _ASKED),
     Check("degenerate", answers.check_degenerate, _ASKED),
     Check("skip", answers.check_skip, _FORM),
+    Check("batch", answers.check_batch, (*_ASKED, "repeat")),
     Check("threads", answers.check_threads, _ASKED),
 )
 

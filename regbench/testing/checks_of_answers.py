@@ -17,7 +17,11 @@ from regbench.contract import Problem
 from regbench.geometry.se3 import transform
 from regbench.testing import clouds
 from regbench.testing.check_result import CheckFailed, CheckSkipped
-from regbench.testing.subject import Origin, Subject, difference, loaded, same_bits
+from regbench.testing.subject import Origin, Subject, difference, errors, loaded, same_bits
+
+# How far an answer in a batch may be from the same problem's alone: its last bits depend on what is computed with it.
+BATCH_DEG = 0.1
+BATCH_EXTENTS = 1e-3
 
 ARRAYS = ("source", "target", "source_normals", "target_normals", "init_T_target_source")
 
@@ -221,6 +225,29 @@ def check_skip(subject: Subject) -> str:
         if not (reason is None or (isinstance(reason, str) and reason.strip())):
             raise CheckFailed(f"skip returns a reason in words or None, got {reason!r}")
     return "a reason or None"
+
+
+def check_batch(subject: Subject) -> str:
+    """`register_batch` answers each of several problems as `register` does."""
+    instance = subject.build()
+    if not callable(getattr(instance, "register_batch", None)):
+        raise CheckSkipped("the method has no `register_batch`")
+    asked = [clouds.easy_problem(), clouds.easy_problem(450, cloud_seed=3, seed=8), clouds.scaled_problem(100.0)]
+    alone = [subject.ask(instance, problem, truth) for problem, truth in asked]
+    together = list(instance.register_batch([problem for problem, _ in asked]))
+    if len(together) != len(asked):
+        raise CheckFailed(f"register_batch gives {len(together)} answers to {len(asked)} problems")
+    apart = [
+        errors(np.asarray(found.T_target_source, dtype=np.float64), problem, expected)
+        for found, (problem, _), expected in zip(together, asked, alone, strict=True)
+    ]
+    rotation_deg, translation = (max(values) for values in zip(*apart, strict=True))
+    words = f"{len(asked)} problems at once: {rotation_deg:.2g} deg and {translation:.2g} extents from each alone"
+    if not subject.trait("deterministic"):
+        raise CheckSkipped(f"the method does not claim to be deterministic ({words})")
+    if rotation_deg > BATCH_DEG or translation > BATCH_EXTENTS:
+        raise CheckFailed(f"{words} (allowed: {BATCH_DEG:g} deg, {BATCH_EXTENTS:g} extents)")
+    return words
 
 
 def check_threads(subject: Subject) -> str:

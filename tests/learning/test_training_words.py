@@ -29,6 +29,10 @@ CARD = {
             {"before": {"samples": 7600, "hours": 0.5}},
             "supervised, 71,600 samples, 1.7 h on AMD EPYC, 1 thread",
         ),
+        (
+            {"before": {"samples": 7600, "hours": 2.5, "hours_by_device": {"AMD EPYC, 1 thread": 0.5, "a GPU": 2.0}}},
+            "supervised, 71,600 samples, 1.7 h on AMD EPYC, 1 thread and 2.0 h on a GPU",
+        ),
         ({"before": "none"}, None),
         ({"recipe": 5}, None),
         ({"hours": "long"}, None),

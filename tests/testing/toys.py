@@ -293,6 +293,16 @@ class SkipsWithoutWords(Good):  # skip
         return len(problem.source) < 3
 
 
+class BatchInAnotherOrder(Good):  # batch
+    def register_batch(self, problems):
+        return [self.register(problem) for problem in reversed(problems[1:])] + [self.register(problems[0])]
+
+
+class BatchForgetsOne(Good):  # batch
+    def register_batch(self, problems):
+        return [self.register(problem) for problem in problems[1:]]
+
+
 # These need a process that may die.
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from regbench.errors import UserError
 from regbench.files import write_atomically
-from regbench.learning.budget import training_budget
+from regbench.learning.budget import hours_by_device, training_budget
 from regbench.learning.training.folder import TrainingFolder
 from regbench.learning.training.recipe import Recipe
 
@@ -196,7 +196,10 @@ def _fit(
 def _history(card: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the card of the weights that a training starts from says of how they came to be."""
     try:
-        return {"before": training_budget(card), "curve": list(card.get("curve", []))}
+        return {
+            "before": {**training_budget(card), "hours_by_device": hours_by_device(card)},
+            "curve": list(card.get("curve", [])),
+        }
     except (KeyError, TypeError, AttributeError):  # weights that were imported, or a card written by hand
         return {}
 

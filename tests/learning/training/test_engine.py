@@ -265,7 +265,7 @@ def test_training_may_start_from_weights(whole):
         torch.testing.assert_close(shipped.tensors[name], given.tensors[name], rtol=0, atol=1e-6)
     assert shipped.card["started_from"] == given.card["sha256"]
     first = {"samples": given.card["steps"] * 6, "hours": given.card["hours"]}
-    assert shipped.card["before"] == first
+    assert shipped.card["before"] == {**first, "hours_by_device": {given.card["device"]: given.card["hours"]}}
     assert shipped.card["curve"][: len(given.card["curve"])] == given.card["curve"]
     assert shipped.card["curve"][-1]["samples"] == first["samples"] + shipped.card["steps"] * 6
     assert training_words(Path("run/toy.safetensors")).startswith(
