@@ -84,7 +84,12 @@ def _client(config: RunConfig) -> Iterator[Client]:
         return
     with (
         LocalCluster(
-            n_workers=config.jobs, threads_per_worker=1, dashboard_address=None, memory_limit=0, host="127.0.0.1"
+            n_workers=config.jobs,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=0,  # the methods' processes have limits, and a dask worker holds little else
+            silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 from distributed import Client
 
@@ -150,6 +151,26 @@ def test_a_cluster_of_its_own_gives_the_local_rows_each_lane_on_its_own_core(tmp
     assert {(row["host"], row["machine"]) for row in rows} == {
         (row["host"], row["machine"]) for row in rows_of(tmp_path / "local")
     }
+
+
+def test_an_interrupt_ends_a_cluster_of_its_own_and_the_same_command_continues(tmp_path, slow):
+    command = [sys.executable, "-m", "regbench", *map(str, slow), "--executor", "dask", "--out", str(tmp_path / "run")]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: lines(tmp_path / "run") >= 20)
+    started = children_of(run.pid)
+    run.send_signal(signal.SIGINT)
+    _, words = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert words.splitlines()[-1] == "regbench: interrupted; give the same command again to continue"
+    assert "WARNING" not in words
+    wait_until(lambda: not any(psutil.pid_exists(pid) for pid in started), seconds=20)
+    assert 20 <= lines(tmp_path / "run") < 120
+    assert subprocess.run(command, capture_output=True).returncode == 0
+    assert len(by_key(tmp_path / "run")) == 120
+
+
+def children_of(pid):
+    return [child.pid for child in psutil.Process(pid).children(recursive=True)]
 
 
 def test_a_crash_of_a_method_kills_neither_a_dask_worker_nor_the_run(tmp_path, processes):
