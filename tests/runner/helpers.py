@@ -11,6 +11,21 @@ from regbench.runner.plan import RunConfig
 from regbench.runner.run import run
 
 FAULTY = Path(__file__).with_name("faulty_methods.py")
+# A plugin file: slow enough to be stopped in its middle, and what it answers depends on problem and seed.
+SLOW = """
+import time
+
+import numpy as np
+from regbench import Registration
+
+class Slow:
+    name = "slow"
+    def register(self, problem):
+        time.sleep(0.03)
+        T = np.eye(4)
+        T[:3, 3] = problem.target.mean(axis=0) + np.random.default_rng(problem.seed).normal(size=3)
+        return Registration(T_target_source=T)
+"""
 
 
 class Silent:

@@ -16,22 +16,8 @@ from regbench.runner.cores import ClaimedCores
 from regbench.runner.dask_lanes import Lanes, Work
 from regbench.runner.plan import RunConfig
 from regbench.runner.run import make_plan
-from tests.runner.helpers import regbench, rows_of, wait_until
+from tests.runner.helpers import SLOW, regbench, rows_of, wait_until
 
-SLOW = """
-import time
-
-import numpy as np
-from regbench import Registration
-
-class Slow:
-    name = "slow"
-    def register(self, problem):
-        time.sleep(0.03)
-        T = np.eye(4)
-        T[:3, 3] = problem.target.mean(axis=0) + np.random.default_rng(problem.seed).normal(size=3)
-        return Registration(T_target_source=T)
-"""
 FAULTY = """
 import os
 import signal

@@ -9,22 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.runner.helpers import FAULTY, regbench, rows_of, run_here, wait_until
-
-SLOW = """
-import time
-
-import numpy as np
-from regbench import Registration
-
-class Slow:
-    name = "slow"
-    def register(self, problem):
-        time.sleep(0.02)
-        T = np.eye(4)
-        T[:3, 3] = problem.target.mean(axis=0) + np.random.default_rng(problem.seed).normal(size=3)
-        return Registration(T_target_source=T)
-"""
+from tests.runner.helpers import FAULTY, SLOW, regbench, rows_of, run_here, wait_until
 
 
 def answers(rows):
