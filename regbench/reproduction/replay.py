@@ -43,7 +43,8 @@ def replay(
         raise UserError(f"{out}: is the run itself; give another --out")
     try:
         settings = dict(read_json(original / "manifest.json")["config"])
-        changes: dict[str, Any] = {"out": str(out), "fresh": False}
+        # Here, wherever the run was: no answer depends on it.
+        changes: dict[str, Any] = {"out": str(out), "fresh": False, "executor": "local", "scheduler": None}
         changes |= {"data": str(data)} if data is not None else {}
         changes |= {"jobs": jobs} if jobs is not None else {}
         configs = [

@@ -103,6 +103,15 @@ def test_the_same_command_continues(here, capsys):
     assert len(read_rows(Path("runs/first-again/trials.jsonl"))) == 24, "none twice"
 
 
+def test_a_run_of_a_cluster_is_repeated_here(here, capsys):
+    manifest = Path("runs/first/manifest.json")
+    content = json.loads(manifest.read_text())
+    content["config"] |= {"executor": "dask", "scheduler": "tcp://gone:8786"}
+    manifest.write_text(json.dumps(content))
+    assert main(["reproduce", "first", "--limit", "1"]) == 0
+    assert "the same: every transform, bit for bit" in capsys.readouterr().out
+
+
 def test_a_method_that_draws_anew_is_found_out(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("drifts.py").write_text(REGISTERS)
