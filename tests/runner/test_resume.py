@@ -85,7 +85,7 @@ def test_a_changed_method_runs_again(tmp_path):
     options = {"method": ["slow"], "limit": 3, "plugin": [str(plugin)]}
     command = ["run", "--plugin", plugin, "--method", "slow", "--limit", 3, "--out", tmp_path / "run"]
     assert regbench(*command).returncode == 0
-    plugin.write_text(SLOW.replace("0.02", "0.01"))
+    plugin.write_text(SLOW.replace("0.03", "0.01"))
     assert regbench(*command).returncode == 0
     rows = rows_of(tmp_path / "run")
     assert len(rows) == 6
