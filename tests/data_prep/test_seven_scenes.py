@@ -52,7 +52,8 @@ def test_both_invalid_values_and_neither_neighbour():
 
 def test_projection_matches_open3d(shared_data):
     load_libusb()
-    o3d = pytest.importorskip("open3d")
+    import open3d as o3d
+
     depth = read_depth_png(shared_data / "7scenes" / "redkitchen" / "seq-01" / "frame-000000.depth.png")
     camera = o3d.camera.PinholeCameraIntrinsic(640, 480, 585, 585, 320, 240)
     masked = np.where(depth == 65535, 0, depth).astype(np.uint16)
