@@ -41,6 +41,7 @@ def reproduce(
     changes: Sequence[str],
     device: Literal["auto", "cpu", "cuda"],
     threads: int,
+    jobs: int,
     progress: Progress,
     say: Callable[[str], None],
 ) -> int | None:
@@ -55,6 +56,7 @@ def reproduce(
         changes: Over the recipe modelnet40 of the trainings, as `regbench train --set` takes them.
         device: Of the trainings and the measurements.
         threads: CPU threads.
+        jobs: 1; a training and its measurements are one after the other.
         progress: Shows how far a training is.
         say: Takes a line on each measurement.
 
@@ -62,9 +64,11 @@ def reproduce(
         The signal that a training was stopped by, or None.
 
     Raises:
-        UserError: Data or weights are missing, matplotlib or Lightning is not installed, or the folder holds
-            trainings of another recipe.
+        UserError: Data or weights are missing, matplotlib or Lightning is not installed, the folder holds
+            trainings of another recipe, or more than one job is asked for.
     """
+    if jobs > 1:
+        raise UserError(f"--jobs {jobs}: latentcem-ablations trains and measures one after the other")
     import torch
 
     from .weight_files import weight_files

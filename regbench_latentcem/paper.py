@@ -52,6 +52,7 @@ def reproduce(
     changes: Sequence[str],
     device: Literal["auto", "cpu", "cuda"],
     threads: int,
+    jobs: int,
     progress: Progress,
     say: Callable[[str], None],
 ) -> int | None:
@@ -66,6 +67,7 @@ def reproduce(
         changes: As in ablations.py.
         device: Of the trainings and their measurements; Table 1 is on the CPU, unless "cuda" is asked for.
         threads: CPU threads.
+        jobs: Trials of Table 1 at a time, each on cores of its own.
         progress: Shows how far a training is.
         say: Takes a line on each step.
 
@@ -82,7 +84,9 @@ def reproduce(
         raise UserError(f"{out}: cannot be made ({error.strerror})") from error
     parts = (MODELNET40, SEVEN_SCENES)
     on = "cuda" if device == "cuda" else "cpu"
-    folders = [run_part(part, out, data=data, limit=limit, threads=threads, device=on, say=say) for part in parts]
+    folders = [
+        run_part(part, out, data=data, limit=limit, threads=threads, jobs=jobs, device=on, say=say) for part in parts
+    ]
     taken = "all problems" if limit is None else f"the first {limit} problems of each protocol (the paper's rows: all)"
     words = (
         f"Table 1 of the paper, ours under each of its rows, {taken}. Translations in lengths of the unit sphere. "
@@ -104,6 +108,7 @@ def reproduce(
         changes=changes,
         device=device,
         threads=threads,
+        jobs=1,
         progress=progress,
         say=say,
     )

@@ -98,6 +98,10 @@ class GoIcp(Registrar):
         self.max_nodes = max_nodes
         self.budget_ms = budget_ms
 
+    def prepare(self) -> None:
+        """Load the compiled kernels; the first time on a machine they are compiled, which takes a minute or two."""
+        load_kernels(trimmed=self.overlap < 1)
+
     def register(self, problem: Problem, *, progress: Progress | None = None) -> Registration:
         """Estimate T_target_source.
 

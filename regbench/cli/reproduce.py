@@ -28,7 +28,7 @@ def reproduce(
     ] = None,
     device: Annotated[Device, typer.Option(help="auto: CUDA where there is one.")] = "auto",
     threads: Annotated[int, typer.Option(min=1, help="CPU threads.")] = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Of a run: trials at a time (else as it had).")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Trials at a time (else 1; of a run, as it had).")] = None,
     data: Data = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write (else runs/NAME, or runs/RUN-again).")] = None,
 ) -> int:
@@ -41,12 +41,10 @@ def reproduce(
 
     if name not in registry.names(registry.REPRODUCTIONS) and _is_folder(name):
         return _again(context, name, limit, jobs, data, out)
-    from regbench.cli.options import refuse_given
     from regbench.cli.progress import say
     from regbench.cli.training_progress import training_display
     from regbench.datasets.store import data_dir
 
-    refuse_given(context, ("jobs",), "goes with a RUN; an experiment times its methods, one trial at a time")
     run = registry.load(registry.REPRODUCTIONS, name, what="experiment", listing="`regbench reproduce --help`")
     folder = out or Path("runs") / name
     with training_display(sys.stderr) as progress:
@@ -59,6 +57,7 @@ def reproduce(
             changes=changes or [],
             device=device,
             threads=threads,
+            jobs=jobs or 1,
             progress=progress,
             say=say,
         )

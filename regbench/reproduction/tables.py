@@ -67,7 +67,15 @@ class _Lines:
 
 
 def run_part(
-    part: Part, out: Path, *, data: Path, limit: int | None, threads: int, device: str, say: Callable[[str], None]
+    part: Part,
+    out: Path,
+    *,
+    data: Path,
+    limit: int | None,
+    threads: int,
+    jobs: int,
+    device: str,
+    say: Callable[[str], None],
 ) -> Path:
     """Run a part, or go on with it; return its folder.
 
@@ -79,6 +87,7 @@ def run_part(
         protocol=list(part.protocols.values()),
         limit=limit,
         threads=threads,
+        jobs=jobs,
         device=device,
         data=str(data),
         out=str(out / part.name),

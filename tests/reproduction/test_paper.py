@@ -15,7 +15,7 @@ PART = Part("demo", {"7scene": "demo@1"}, {"ICP": ("icp",), "LatentCEM": ("degen
 
 def done(out, limit=2):
     said = []
-    folder = run_part(PART, out, data=Path("data"), limit=limit, threads=1, device="cpu", say=said.append)
+    folder = run_part(PART, out, data=Path("data"), limit=limit, threads=1, jobs=1, device="cpu", say=said.append)
     return folder, said
 
 
@@ -86,8 +86,9 @@ def test_the_whole_is_tables_then_ablations(tmp_path, monkeypatch):
     monkeypatch.setattr(paper, "write_table", lambda name, *given: calls.append((name, {})))
     monkeypatch.setattr(paper, "write_times", lambda name, *given: calls.append((name, {})))
     monkeypatch.setattr(ablations, "reproduce", lambda out, **given: calls.append((out.name, given)) or 15)
-    options = {"steps": 3, "limit": 2, "weights": None, "changes": [], "device": "auto", "threads": 1, "progress": None}
-    signal = paper.reproduce(tmp_path / "out", data=Path("data"), **options, say=lambda line: None)
+    options = {"steps": 3, "limit": 2, "weights": None, "changes": [], "device": "auto", "threads": 1, "jobs": 2}
+    signal = paper.reproduce(tmp_path / "out", data=Path("data"), **options, progress=None, say=lambda line: None)
     assert signal == 15, "a training that was stopped says so"
     assert [name for name, _ in calls] == ["modelnet40", "7scenes", "table1", "times", "ablations"]
     assert [given["limit"] for name, given in calls if "limit" in given] == [2, 2, 2]
+    assert [given["jobs"] for name, given in calls if "jobs" in given] == [2, 2, 1]

@@ -143,7 +143,7 @@ def test_a_changed_method_is_named(tmp_path, monkeypatch, capsys):
         (["firts"], "unknown experiment 'firts'"),
         (["runs/first", "--steps", "3"], "--steps goes with an experiment"),
         (["runs/first", "--set", "training.batch=1"], "--set goes with an experiment"),
-        (["paper", "--jobs", "2"], "--jobs goes with a RUN"),
+        (["latentcem-ablations", "--jobs", "2"], "trains and measures one after the other"),
         (["runs/first", "--jobs", "1000"], "needs 1000 cores"),
     ],
 )
