@@ -14,6 +14,7 @@ from regbench.geometry.starts import Start, skip_without_prior, start_of
 
 from .local_frame import LocalFrame, require_surface
 from .open3d_library import import_open3d, point_cloud, point_to_point_icp
+from .small_problem import small_problem
 
 
 class Icp(Registrar):
@@ -62,7 +63,7 @@ class Icp(Registrar):
         self.normal_neighbours = normal_neighbours
 
     def prepare(self) -> None:
-        """Import open3d.
+        """Import open3d, or compile: the first time on a machine that takes some twenty seconds.
 
         Raises:
             UserError: A parameter that the backend does not have.
@@ -73,6 +74,8 @@ class Icp(Registrar):
             if self.overlap != 1:
                 raise UserError("icp: open3d's ICP does not trim; overlap needs backend=numba")
             import_open3d()
+        else:
+            Icp(backend="numba").register(small_problem())
 
     def skip(self, problem: Problem) -> str | None:
         """Decline problems without a motion prior if the start is taken from it."""

@@ -18,6 +18,7 @@ from regbench.geometry.se3 import rotation_from_euler_deg, se3, transform
 from regbench.geometry.starts import skip_without_prior, start_of
 
 from .local_frame import LocalFrame
+from .small_problem import small_problem
 
 Motion = NDArray[np.float64]
 
@@ -59,6 +60,10 @@ class IcpRestarts(Registrar):
         self.max_distance = max_distance
         self.max_iterations = max_iterations
         self.tolerance = tolerance
+
+    def prepare(self) -> None:
+        """Compile: see `Icp.prepare`."""
+        IcpRestarts(budget_ms=None, restarts=1).register(small_problem())
 
     def skip(self, problem: Problem) -> str | None:
         """Decline problems without a motion prior if the starts are drawn from it."""

@@ -17,6 +17,7 @@ from regbench.geometry.thinning import distinct_points, drawn, thinned
 
 from ..flat import principal_starts
 from ..local_frame import LocalFrame, require_like_sizes, require_surface
+from ..small_problem import POINTS, small_problem
 from .judgement import Judgement
 from .search import Found, Settings, search
 from .verification import least_distances
@@ -152,6 +153,12 @@ class Super4Pcs(Registrar):
         self.refine_distance = refine_distance
         self.refine_iterations = refine_iterations
         self.refine_points = refine_points
+
+    def prepare(self) -> None:
+        """Compile: the first time on a machine that takes a minute or two."""
+        problem = small_problem()
+        for max_points in (POINTS, POINTS // 2):  # with the end of a search on thinned clouds, and without
+            Super4Pcs(max_points=max_points, delta=self.delta).register(problem)
 
     def register(self, problem: Problem) -> Registration:
         """Estimate T_target_source.
