@@ -30,6 +30,7 @@ def align(
     The methods are compared by the mean distance from a moved source point to the nearest target point; the best
     answer is the one that is saved and drawn.
     """
+    from regbench.cli.progress import say
     from regbench.runner.align import align_files
 
     answers = align_files(
@@ -43,6 +44,7 @@ def align(
         seed=seed,
         save=save,
         picture=picture,
+        note=say,
     )
     if as_json:
         print(json.dumps(answers, indent=1))

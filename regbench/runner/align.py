@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +33,13 @@ def align_files(
     seed: int = 0,
     save: Path | None = None,
     picture: Path | None = None,
+    note: Callable[[str], None],
 ) -> list[dict[str, Any]]:
     """Align one cloud file to another; return each method's row with `mean_distance` and `best`.
 
     `mean_distance` is the mean distance from a moved source point to its nearest target point, in the files' unit. It
     is all there is to compare by without ground truth, and it favours an answer that is right where the clouds
-    overlap in full.
+    overlap in full. `note` takes what the user should know meanwhile.
 
     Raises:
         UserError: A file cannot be read or written, a method is unknown, or an option has a value it cannot have.
@@ -67,7 +68,7 @@ def align_files(
         config = load_config(None, options)
         plan, _ = make_plan(config)
         rows: list[dict[str, Any]] = []
-        LocalExecutor().execute(plan, set(), folder, rows.append)
+        LocalExecutor().execute(plan, set(), folder, rows.append, note)
     order = [planned.method.asked for planned in plan.methods]
     rows.sort(key=lambda row: order.index(row["method"]))
     tree = cKDTree(target_points)

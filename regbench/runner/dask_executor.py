@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from regbench.errors import UserError
-from regbench.runner.local import lane_cores
+from regbench.runner.local import check_cores
 from regbench.runner.plan import Plan, RunConfig, Trial
 
 if TYPE_CHECKING:
@@ -33,10 +33,10 @@ class DaskExecutor:
         if importlib.util.find_spec("distributed") is None:
             raise UserError('--executor dask needs distributed, which is not installed: pip install "regbench[dask]"')
         if config.scheduler is None:
-            lane_cores(config.jobs, config.threads)
+            check_cores(config.jobs, config.threads)
 
     def execute(
-        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]
+        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None], note: Callable[[str], None]
     ) -> Sequence[dict[str, Any]]:
         """Run what is not done; see `Executor.execute`."""
         from distributed.scheduler import KilledWorker

@@ -89,7 +89,7 @@ class Lanes(WorkerPlugin):
             thread = threading.get_ident()
             if thread not in self._lanes:
                 work = self._work
-                cores = ClaimedCores(work.config.threads)
+                cores = claimed_for_a_lane(work.config.threads)
                 lane = Lane(work.config, self._methods, work.protocols, self._data_dir, cores.cores, self._logs)
                 self._lanes[thread] = lane, cores
             return self._lanes[thread][0]
@@ -124,6 +124,23 @@ class Lanes(WorkerPlugin):
         if self._work.logs.is_dir():
             return self._work.logs
         return Path(tempfile.mkdtemp(prefix=f"{self.name}-logs-"))
+
+
+def claimed_for_a_lane(count: int) -> ClaimedCores:
+    """Return so many cores, which no other lane on this machine holds.
+
+    Raises:
+        UserError: So many are not free.
+    """
+    claimed = ClaimedCores(count)
+    if len(claimed.cores) < count:
+        claimed.free()
+        raise UserError(
+            f"{socket.gethostname()}: a dask worker's thread needs {count} cores for itself, of the "
+            f"{len(os.sched_getaffinity(0))} that it may use {len(claimed.cores)} are free: timed trials never share a "
+            "core. Start workers with --nthreads 1, and fewer of them"
+        )
+    return claimed
 
 
 def run_block(name: str, block: Sequence[Trial]) -> list[Row]:

@@ -26,9 +26,11 @@ class Executor(Protocol):
         """Raise UserError if it cannot carry out a run so configured here; asked before anything is written."""
 
     def execute(
-        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]
+        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None], note: Callable[[str], None]
     ) -> Sequence[Mapping[str, Any]]:
         """Run every trial whose key is not in `done`, and hand over each row as it comes, from one thread at a time.
+
+        `note` takes what the user should know meanwhile.
 
         Returns the machines that trials ran on, as `hardware` describes one, where it may be others than this one.
 

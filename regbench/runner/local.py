@@ -10,27 +10,45 @@ from pathlib import Path
 from typing import Any
 
 from regbench.errors import UserError
+from regbench.runner.cores import ClaimedCores
 from regbench.runner.lane import Lane
 from regbench.runner.plan import Plan, RunConfig, Trial
 
 Row = dict[str, Any]
 
 
-def lane_cores(jobs: int, threads: int) -> list[list[int]]:
-    """Return the cores of each lane: timed trials never share one. The run itself is left the lowest core if it can.
+def check_cores(jobs: int, threads: int) -> None:
+    """Refuse more lanes than this process may use cores for.
 
     Raises:
         UserError: There are not enough cores.
     """
     if not hasattr(os, "sched_getaffinity"):
-        return [[] for _ in range(jobs)]
-    cores = sorted(os.sched_getaffinity(0), reverse=True)
-    if jobs * threads > len(cores):
+        return
+    cores = len(os.sched_getaffinity(0))
+    if jobs * threads > cores:
         raise UserError(
-            f"--jobs {jobs} with --threads {threads} needs {jobs * threads} cores, this process may use {len(cores)}: "
+            f"--jobs {jobs} with --threads {threads} needs {jobs * threads} cores, this process may use {cores}: "
             "timed trials never share a core"
         )
-    return [cores[lane * threads : (lane + 1) * threads] for lane in range(jobs)]
+
+
+@contextmanager
+def _lane_cores(jobs: int, threads: int, note: Callable[[str], None]) -> Iterator[list[list[int]]]:
+    """Yield the cores of each lane: the highest that no other run holds, then, saying so, those that one does."""
+    if not hasattr(os, "sched_getaffinity"):
+        yield [[] for _ in range(jobs)]
+        return
+    with ClaimedCores(jobs * threads) as claimed:
+        missing = jobs * threads - len(claimed.cores)
+        shared = sorted(os.sched_getaffinity(0) - set(claimed.cores), reverse=True)[:missing]
+        if shared:
+            note(
+                f"another run holds core {', '.join(map(str, shared))}, this one uses it too: times of both are too "
+                "long to be quoted"
+            )
+        cores = [*claimed.cores, *shared]
+        yield [cores[lane * threads : (lane + 1) * threads] for lane in range(jobs)]
 
 
 class LocalExecutor:
@@ -40,17 +58,17 @@ class LocalExecutor:
         """Refuse more jobs than there are cores for, and a scheduler; see `Executor.check`."""
         if config.scheduler is not None:
             raise UserError(f"--scheduler {config.scheduler}: only --executor dask has one")
-        lane_cores(config.jobs, config.threads)
+        check_cores(config.jobs, config.threads)
 
     def execute(
-        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None]
+        self, plan: Plan, done: set[str], logs: Path, on_row: Callable[[Row], None], note: Callable[[str], None]
     ) -> Sequence[dict[str, Any]]:
         """Run what is not done; see `Executor.execute`."""
         shared = _Shared(plan, plan.blocks(done), logs, on_row)
-        cores_of_lanes = lane_cores(plan.config.jobs, plan.config.threads)
-        lanes = [_LaneThread(shared, cores) for cores in cores_of_lanes]
-        with _kept_off({core for cores in cores_of_lanes for core in cores}):
-            self._run(lanes, shared)
+        with _lane_cores(plan.config.jobs, plan.config.threads, note) as cores_of_lanes:
+            lanes = [_LaneThread(shared, cores) for cores in cores_of_lanes]
+            with _kept_off({core for cores in cores_of_lanes for core in cores}):
+                self._run(lanes, shared)
         if shared.failure is not None:
             raise shared.failure
         return []

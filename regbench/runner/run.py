@@ -68,7 +68,7 @@ def run(config: RunConfig, *, command: Sequence[str], progress: Progress) -> Run
         if words := rundir.point_latest(run_dir):
             progress.note(words)
         progress.start(run_dir, _tallies(plan, done))
-        machines = executor.execute(plan, done, run_dir.logs, _recorder(journal, progress))
+        machines = executor.execute(plan, done, run_dir.logs, _recorder(journal, progress), progress.note)
         manifest.add_machines(description, machines)
         description["finished"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         manifest.write(run_dir.manifest, description)

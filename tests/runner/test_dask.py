@@ -5,14 +5,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import psutil
 import pytest
 from distributed import Client
 
 from regbench.errors import UserError
-from regbench.runner.cores import ClaimedCores
 from regbench.runner.dask_lanes import Lanes, Work
 from regbench.runner.plan import RunConfig
 from regbench.runner.run import make_plan
@@ -34,11 +32,17 @@ class Dies:
 """
 
 
-@pytest.fixture(autouse=True)
-def own_locks(tmp_path, monkeypatch):
-    """Claim cores among this test's processes alone: other tests run at the same time."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", None)
+pytestmark = pytest.mark.usefixtures("own_locks")
+# It kills the dask worker that its process belongs to.
+DEADLY = """
+import os
+import signal
+
+class Deadly:
+    name = "deadly"
+    def register(self, problem):
+        os.kill(os.getppid(), signal.SIGKILL)
+"""
 
 
 @pytest.fixture
@@ -173,6 +177,20 @@ def test_a_crash_of_a_method_kills_neither_a_dask_worker_nor_the_run(tmp_path, p
     assert workers[0].poll() is None
 
 
+def test_a_block_under_which_every_dask_worker_dies_ends_the_run_in_one_line(tmp_path, processes, monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
+    plugin = tmp_path / "deadly.py"
+    plugin.write_text(DEADLY)
+    _, address = start_scheduler(processes, tmp_path)
+    workers = start_workers(processes, address, count=2)
+    run = running(["run", "--plugin", plugin, "--method", "deadly", "--limit", 2], tmp_path / "dask", address)
+    _, words = run.communicate(timeout=90)
+    assert run.returncode == 2, words
+    assert "dask gave up on a block of trials: every worker that took it died" in words
+    assert "Traceback" not in words
+    assert [worker.wait(timeout=10) for worker in workers] == [-signal.SIGKILL] * 2
+
+
 def test_what_is_not_there_is_said_in_one_line(tmp_path, processes):
     def refused(*arguments):
         done = regbench("run", "--method", "identity", "--limit", 2, "--out", tmp_path / "run", *arguments)
@@ -217,36 +235,3 @@ def test_a_machine_without_the_prepared_set_says_so_at_once(tmp_path, prepared_d
 def test_a_machine_with_another_version_of_a_method_says_so_at_once(tmp_path):
     assert lanes_of(tmp_path).wrong is None
     assert "method identity is another here" in lanes_of(tmp_path, fingerprints=["f" * 64]).wrong
-
-
-CLAIM = """
-from regbench.runner.cores import ClaimedCores
-held = ClaimedCores({})
-print(held.cores, flush=True)
-input()
-"""
-
-
-def test_no_core_is_claimed_twice_and_a_death_frees_it():
-    usable = len(os.sched_getaffinity(0))
-    claimed = ClaimedCores(usable)
-    assert sorted(claimed.cores) == sorted(os.sched_getaffinity(0))
-    with pytest.raises(UserError, match="timed trials never share a core"):
-        ClaimedCores(1)
-    claimed.free()
-    command = [sys.executable, "-c", CLAIM.format(usable)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        other.stdout.readline()
-        with pytest.raises(UserError):
-            ClaimedCores(1)
-        other.kill()
-    wait_until(lambda: can_claim(usable))
-
-
-def can_claim(count):
-    try:
-        ClaimedCores(count).free()
-    except UserError:
-        time.sleep(0.05)
-        return False
-    return True
