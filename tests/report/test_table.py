@@ -137,6 +137,20 @@ def test_times_of_different_machines_are_not_ranked(tmp_path):
     assert "1.000*" not in text
 
 
+@pytest.mark.parametrize("format", ["text", "markdown", "latex"])
+def test_a_time_that_its_core_was_shared_in_is_marked(tmp_path, format):
+    p = protocol("demo@1", [motion()] * 3)
+    methods, rows = [], []
+    for name, wall in (("alone", 10.2), ("disturbed", 20.0)):
+        methods.append(method(name))
+        rows += [row(methods[-1], p, number, motion(), time_ms=wall, cpu_ms=10.0) for number in range(3)]
+    text = render([write_run(tmp_path, methods, [p], rows)], format=format, metrics=["time_median_ms", "cpu_median_ms"])
+    assert " ".join(text.split()).count("over 1.25 times the CPU time: something else used its core") == 1
+    sign = {"text": "†", "markdown": "†", "latex": r"$^{\dagger}$"}[format]
+    marked = [time for time in ("10.000", "10.200", "20.000") if re.search(rf"{time}[^|&\s]*{re.escape(sign)}", text)]
+    assert marked == ["20.000"]
+
+
 def test_rows_of_one_run_that_name_two_machines_are_timed_on_the_commoner(tmp_path):
     m, p = method("icp"), protocol("demo@1", [motion()] * 3)
     rows = [row(m, p, number, motion(), time_ms=time_ms) for number, time_ms in enumerate((1.0, 5.0, 900.0))]
