@@ -26,7 +26,7 @@ TESTING = (
     "with Holm's correction over the column."
 )
 INTERVALS = f"In brackets: {100 * LEVEL:g} % intervals, bootstrap over the problems, {RESAMPLES:,} resamples."
-# Alone on its core, a method's median wall time is within 2 % of its CPU time (docs/timing.md); beside another, twice it.
+# Alone on its core, a median wall time is within 2 % of its CPU time (docs/timing.md); beside another run, twice it.
 WAITED = 1.25
 WAITING = (
     f"over {WAITED:g} times the CPU time: something else used its core, or it waits for a device; not to be quoted."
