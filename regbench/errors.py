@@ -7,4 +7,16 @@ class UserError(Exception):
     """Bad input: one clear line that says which file or option, what is wrong, and what to do.
 
     The command line prints the message alone and exits with code 2. Anything else that escapes is a bug of ours.
+
+    Args:
+        message: May quote a damaged file: line ends become spaces, and what a terminal would obey is escaped.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(map(_printable, message)))
+
+
+def _printable(character: str) -> str:
+    if character.isprintable():
+        return character
+    return " " if character.isspace() else character.encode("unicode_escape").decode()

@@ -100,7 +100,7 @@ def load_weights(path: Path) -> Weights:
     try:
         return Weights(path, load(data), card)
     except (SafetensorError, ValueError, KeyError) as error:
-        raise UserError(f"weights {path}: not a safetensors file: {' '.join(str(error).split())}") from None
+        raise UserError(f"weights {path}: not a safetensors file: {error}") from None
 
 
 def add_test_figures(

@@ -38,8 +38,7 @@ def _read(path: Path, key: str, index: tuple[slice, ...] = ()) -> NDArray[Any]:
     with naming(path, "HDF5 file", *errors), h5py.File(path, "r") as file:
         dataset = file.get(key)
         if not isinstance(dataset, h5py.Dataset):
-            there = " ".join(", ".join(file).split())  # a name may hold a line's end
-            raise UserError(f"{path}: has no array '{key}' (it has {there or 'nothing'})")
+            raise UserError(f"{path}: has no array '{key}' (it has {', '.join(file) or 'nothing'})")
         if dataset.dtype.kind not in "iuf" or dataset.shape is None or dataset.ndim == 0:
             raise UserError(f"{path}: '{key}' is not an array of numbers ({dataset.dtype})")
         stored = path.stat().st_size * (MAX_INFLATION if dataset.chunks else 1)

@@ -108,7 +108,7 @@ def _refused(reader, path):
             reader(path)
     except UserError as error:
         message = str(error)
-    assert message is None or (str(path) in message and "\n" not in message)
+    assert message is None or (str(path).replace("\0", "\\x00") in message and "\n" not in message)
     return message
 
 
