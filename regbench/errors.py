@@ -13,7 +13,12 @@ class UserError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__("".join(map(_printable, message)))
+        super().__init__(printable(message))
+
+
+def printable(text: str) -> str:
+    """Return a text of unknown origin as one line that a terminal prints: line ends as spaces, controls escaped."""
+    return "".join(map(_printable, text))
 
 
 def _printable(character: str) -> str:

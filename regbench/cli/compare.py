@@ -32,7 +32,7 @@ def compare(
     data: Data = None,
 ) -> int:
     """Compare two runs method by method: differences with intervals, a verdict, and conditions for CI."""
-    from regbench.files import write_atomically
+    from regbench.cli.output import write_output
     from regbench.registry import split_names
     from regbench.report.compare_runs import compare_runs
     from regbench.runner.rundir import find_run
@@ -52,7 +52,7 @@ def compare(
     if out is None:
         print(text)
     else:
-        write_atomically(out, text.encode() + b"\n")
+        write_output(out, text.encode() + b"\n")
     for line in failed:
         print(f"fails: {line}", file=sys.stderr)
     return 1 if failed else 0

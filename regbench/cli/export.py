@@ -18,7 +18,7 @@ def export(
     method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
 ) -> None:
     """Write every trial of runs to a file: answers, errors, times, and what they belong to."""
-    from regbench.files import write_atomically
+    from regbench.cli.output import write_output
     from regbench.registry import split_names
     from regbench.report.export import export as content_of
     from regbench.report.trial_records import trial_records
@@ -26,5 +26,8 @@ def export(
 
     folders = [find_run(path) for path in runs] if runs else [find_run(None)]
     records = list(trial_records(folders, protocols=split_names(protocol), methods=split_names(method)))
-    write_atomically(out, content_of(records, format))
-    print(f"wrote {out}: {len(records)} trials")
+    content = content_of(records, format)
+    write_output(out, content)
+    written = content.count(b"\n") - 1 if format == "bop" else len(records)
+    left = f" of {len(records)}; it has no row for those that failed, nor for repeats" if written < len(records) else ""
+    print(f"wrote {out}: {written} trials{left}")

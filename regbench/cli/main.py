@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 
 import typer
 
@@ -30,6 +34,7 @@ from regbench.cli.options import NamesBelow, help_without_verb
 from regbench.compiled.cache import settle
 from regbench.errors import UserError
 
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 INTERRUPTED = 130
 STOPPED = (129, INTERRUPTED, 143)  # 128 + SIGHUP, SIGINT, SIGTERM
 
@@ -71,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no dagger still gets its table
     try:
         result = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+        sys.stdout.flush()
     except UserError as error:
         print(f"regbench: {error}", file=sys.stderr)
         return 2
@@ -83,6 +89,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+    except OSError as error:
+        if error.errno not in DISK_FULL:
+            raise
+        print(f"regbench: {error.filename or 'standard output'}: cannot be written ({error.strerror})", file=sys.stderr)
+        _drop_stdout()
+        return 2
     if result in STOPPED:  # typer answers so too, where it met the interrupt first
         print("regbench: interrupted; give the same command again to continue", file=sys.stderr)
     return result if isinstance(result, int) else 0
+
+
+def _drop_stdout() -> None:
+    """Let what could not be written go: at its exit the interpreter would try again, and say so in lines of its own."""
+    with suppress(OSError), Path(os.devnull).open("wb") as nothing:
+        os.dup2(nothing.fileno(), 1)

@@ -49,9 +49,15 @@ def plot(
     Figures: recall over thresholds, accuracy against time (pareto), the distribution of errors (ecdf) and of times
     (time), recall or another metric by category or protocol (heatmap).
     """
+    from regbench import registry
     from regbench.cli.options import refuse_given
+    from regbench.errors import UserError
     from regbench.report.figures import FIGURES
+    from regbench.suggest import unknown
 
+    known = [*FIGURES, *registry.names(registry.PLOTS)]
+    if name not in known:
+        raise UserError(unknown("plot", name, known, listing="`regbench plot --help`"))
     if name not in FIGURES:
         refuse_given(context, OF_RUNS, "goes with a figure of runs, not with a picture of a problem")
         _picture(name, method, protocol, problem, out or Path(f"{name}.png"), data, plugin)
@@ -93,14 +99,9 @@ def _picture(
     from regbench import registry
     from regbench.datasets.store import data_dir
     from regbench.errors import UserError
-    from regbench.report.figures import FIGURES
-    from regbench.suggest import unknown
 
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: a picture is saved as PNG; let its name end in .png")
-    names = registry.names(registry.PLOTS)
-    if name not in names:
-        raise UserError(unknown("plot", name, [*FIGURES, *names], listing="`regbench plot --help`"))
     draw = registry.load(registry.PLOTS, name, what="plot", listing="`regbench plot --help`")
     if not method:
         raise UserError(f"plot {name}: give the method to draw with --method")

@@ -21,7 +21,7 @@ def report(
     data: Data = None,
 ) -> None:
     """Write one page that opens anywhere, offline: tables, curves, pairs to turn, failures, versions and hardware."""
-    from regbench.files import write_atomically
+    from regbench.cli.output import write_output
     from regbench.registry import split_names
     from regbench.report.page import report_page
     from regbench.runner.rundir import find_run
@@ -34,7 +34,7 @@ def report(
         mixed=mixed,
         data_dir=data,
     )
-    write_atomically(out, page.encode())
+    write_output(out, page.encode())
     for words in left_out:
         print(f"regbench: {words}", file=sys.stderr)
     print(f"wrote {out}")

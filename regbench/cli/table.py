@@ -31,7 +31,7 @@ def table(
     data: Data = None,
 ) -> None:
     """Print the table of a run."""
-    from regbench.files import write_atomically
+    from regbench.cli.output import write_output
     from regbench.registry import split_names
     from regbench.report.table import render
     from regbench.runner.rundir import find_run
@@ -51,4 +51,4 @@ def table(
     if out is None:
         print(text)
     else:
-        write_atomically(out, text.encode() + b"\n")
+        write_output(out, text.encode() + b"\n")

@@ -9,7 +9,7 @@ from regbench.errors import UserError
 from regbench.metrics.table import Metric, find_metrics
 from regbench.report.cloud_metrics import cloud_errors
 from regbench.report.comparison import compare, incomparable, renamed
-from regbench.report.comparison_table import comparison_table
+from regbench.report.comparison_table import comparison_table, remarks_on
 from regbench.report.fail_if import broken, parse_condition
 from regbench.report.rundata import RunData, read_run
 from regbench.report.table import choose, headline
@@ -68,7 +68,7 @@ def compare_runs(
     if not comparisons:
         raise UserError(f"{first} and {second}: no method has a trial of the same problem in both")
     remarks = [f"Does not compare, and was asked for anyway: {reason}." for reason in reasons]
-    return comparison_table(comparisons, format, remarks), broken(parsed, comparisons)
+    return comparison_table(comparisons, format, [*remarks_on(comparisons), *remarks]), broken(parsed, comparisons)
 
 
 def _headlines(run: RunData) -> list[Metric]:

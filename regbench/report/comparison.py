@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from regbench.metrics.bootstrap import PairedValues, paired_intervals
 from regbench.metrics.reduction import reduce
 from regbench.metrics.table import Metric
+from regbench.report.disturbed import are_disturbed
 from regbench.report.paired import TrialValues, paired
 from regbench.report.rundata import Group, RunData
 from regbench.report.summary import CloudErrors
+from regbench.report.truths import Truths
 from regbench.runner.status import Status
 
 Array = NDArray[np.float64]
@@ -71,18 +73,24 @@ class Comparison:
         method: Its name.
         protocol: Id.
         n: Trials that both runs have.
+        n_before: That the first has.
+        n_after: That the second has.
         failures_before: Of these, in the first run.
         failures_after: In the second.
         has_changed: Whether its source, parameters or data are others.
+        times_disturbed: Whether its times in one of the runs are not to be quoted (see disturbed.py).
         differences: One for each metric that both runs have values of.
     """
 
     method: str
     protocol: str
     n: int
+    n_before: int
+    n_after: int
     failures_before: int
     failures_after: int
     has_changed: bool
+    times_disturbed: bool
     differences: Sequence[Difference]
 
 
@@ -103,7 +111,7 @@ def incomparable(before: RunData, after: RunData, metrics: Sequence[Metric]) -> 
     """
     theirs = {(group.method.method, group.protocol.id): group for group in after.groups if group.trials}
     times = any(metric.needs == "times" for metric in metrics)
-    lost, reasons = [], []
+    lost, reasons, truths_differ = [], [], []
     for ours in before.groups:
         if not ours.trials:
             continue
@@ -113,6 +121,14 @@ def incomparable(before: RunData, after: RunData, metrics: Sequence[Metric]) -> 
             continue
         if other.protocol.sha256 != ours.protocol.sha256:
             reasons.append(f"{ours.protocol.id} has other problems in the second run (another hash)")
+        elif (problem := _truths(before, ours).differing(_truths(after, other))) is not None:
+            truths_differ.append(f"problem {problem} of {ours.protocol.id} has another ground truth in the second run")
+        for which, group in (("first", ours), ("second", other)):
+            if len(group.trials) < group.planned:
+                what = f"{group.method.method} on {group.protocol.id}"
+                reasons.append(
+                    f"the {which} run is unfinished: {len(group.trials)} of {group.planned} trials of {what}"
+                )
         if times and _timing(ours) != _timing(other):
             reasons.append(f"times of {_timing(ours)} and of {_timing(other)}")
     if lost:
@@ -120,7 +136,11 @@ def incomparable(before: RunData, after: RunData, metrics: Sequence[Metric]) -> 
         reasons.append(f"only the first run has {', '.join(lost[:NAMED])}{more}")
     if times and set(before.machines) != set(after.machines):
         reasons.append(f"times of {' and '.join(before.machines)}, and of {' and '.join(after.machines)}")
-    return list(dict.fromkeys(reasons))
+    return list(dict.fromkeys([*truths_differ, *reasons]))
+
+
+def _truths(run: RunData, group: Group) -> Truths:
+    return run.truths[group.protocol.id, group.protocol.sha256]
 
 
 def _timing(group: Group) -> str:
@@ -157,9 +177,12 @@ def compare(
                 method=ours.method.method,
                 protocol=ours.protocol.id,
                 n=len(common),
+                n_before=len(ours.trials),
+                n_after=len(other.trials),
                 failures_before=_failures(ours, common),
                 failures_after=_failures(other, common),
                 has_changed=ours.method.fingerprint != other.method.fingerprint,
+                times_disturbed=are_disturbed(ours.trials) or are_disturbed(other.trials),
                 differences=list(_differences(first, second, metrics)),
             )
         )

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from regbench.report.comparison import Comparison, Difference
+from regbench.report.disturbed import WORDS
 from regbench.report.markdown_table import escape
 from regbench.report.text_table import WIDTH
 
@@ -18,12 +19,34 @@ HEADER = ("method", "n", "metric", "before", "after", "change", "95 % interval",
 RIGHT = (False, True, False, True, True, True, True, False)
 COLUMNS = (
     *("protocol", "method", "method_changed", "metric", "n", "before", "after", "change", "low", "high", "verdict"),
-    *("trials", "failures_before", "failures_after"),
+    *("trials", "trials_before", "trials_after", "failures_before", "failures_after", "times_disturbed"),
 )
 LEGEND = (
     "Change: second run less first, over the trials of both. Interval: paired bootstrap over problems, 10,000 "
     "resamples. Failed trials are scored as the identity; times are of the trials that answered in both."
 )
+
+
+def remarks_on(comparisons: Sequence[Comparison]) -> list[str]:
+    """Return what a reader must know of the figures: which trials they leave out, and times that were disturbed."""
+    remarks = []
+    for comparison in comparisons:
+        n, before, after = comparison.n, comparison.n_before, comparison.n_after
+        if n < max(before, after):
+            remarks.append(f"{comparison.protocol}: {n:,} trials are in both runs, of {before:,} and {after:,}.")
+    for protocol in dict.fromkeys(comparison.protocol for comparison in comparisons):
+        disturbed = [
+            comparison.method
+            for comparison in comparisons
+            if comparison.protocol == protocol and comparison.times_disturbed and _is_timed(comparison)
+        ]
+        if disturbed:
+            remarks.append(f"{protocol}: times of {', '.join(disturbed)} in one of the runs are {WORDS}")
+    return list(dict.fromkeys(remarks))
+
+
+def _is_timed(comparison: Comparison) -> bool:
+    return any(difference.metric.needs == "times" for difference in comparison.differences)
 
 
 def comparison_table(comparisons: Sequence[Comparison], format: str, remarks: Sequence[str]) -> str:
@@ -60,8 +83,11 @@ def _records(comparisons: Sequence[Comparison]) -> list[dict[str, Any]]:
             "high": difference.high,
             "verdict": difference.verdict,
             "trials": comparison.n,
+            "trials_before": comparison.n_before,
+            "trials_after": comparison.n_after,
             "failures_before": comparison.failures_before,
             "failures_after": comparison.failures_after,
+            "times_disturbed": comparison.times_disturbed,
         }
         for comparison in comparisons
         for difference in comparison.differences

@@ -64,6 +64,8 @@ def parse_condition(text: str) -> Condition:
     if key != FAILURES and key not in METRICS:
         raise UserError(f"--fail-if '{text}': no metric '{name}'; there are {', '.join([*SHORT, FAILURES, *METRICS])}")
     amount = float(number) / (100 if percent else 1)
+    if not math.isfinite(amount):
+        raise UserError(f"--fail-if '{text}': {number} is more than any figure: it would never fail")
     return Condition(text, METRICS.get(key), verb in ("drops", "falls"), amount, bool(percent))
 
 
@@ -86,6 +88,9 @@ def broken(conditions: Sequence[Condition], comparisons: Sequence[Comparison]) -
                 if condition.reached(comparison.failures_before, comparison.failures_after):
                     numbers = f"{comparison.failures_before} -> {comparison.failures_after}"
                     lines.append(f"{condition.text}: {where}, {FAILURES} {numbers} of {comparison.n}")
+            elif _has_no_time_left(condition.metric, comparison):
+                judged = True
+                lines.append(f"{condition.text}: {where}, no time in the second run: all {comparison.n} trials failed")
             for difference in comparison.differences:
                 if difference.metric is not condition.metric:
                     continue
@@ -96,3 +101,7 @@ def broken(conditions: Sequence[Condition], comparisons: Sequence[Comparison]) -
         if not judged:
             raise UserError(f"--fail-if '{condition.text}': no method has it in both runs")
     return lines
+
+
+def _has_no_time_left(metric: Metric, comparison: Comparison) -> bool:
+    return metric.needs == "times" and comparison.failures_after == comparison.n > comparison.failures_before

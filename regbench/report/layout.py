@@ -9,6 +9,7 @@ from typing import Any
 
 from regbench.metrics.bootstrap import LEVEL, RESAMPLES
 from regbench.metrics.table import Metric
+from regbench.report.disturbed import WORDS, is_disturbed
 from regbench.report.manifest import ProtocolInfo
 
 Row = Mapping[str, Any]
@@ -26,11 +27,6 @@ TESTING = (
     "with Holm's correction over the column."
 )
 INTERVALS = f"In brackets: {100 * LEVEL:g} % intervals, bootstrap over the problems, {RESAMPLES:,} resamples."
-# Alone on its core, a median wall time is within 2 % of its CPU time (docs/timing.md); beside another run, twice it.
-WAITED = 1.25
-WAITING = (
-    f"over {WAITED:g} times the CPU time: something else used its core, or it waits for a device; not to be quoted."
-)
 SCORING = "A failed trial is scored as the identity. Times are of the trials that answered."
 
 
@@ -234,15 +230,10 @@ def _trial_remarks(row: Row) -> list[str]:
 
 def _cell_mark(row: Row, metric: Column, notes: Notes) -> str:
     if row["kind"] != "published":
-        return notes.mark(WAITING) if metric.key == "time_median_ms" and _waited(row) else ""
+        times = (row.get(key) for key in ("time_median_ms", "cpu_median_ms"))
+        return notes.mark(WORDS) if metric.key == "time_median_ms" and is_disturbed(*times) else ""
     if metric.key in row["impossible"]:
         return notes.mark(row["note"])
     if metric.key == "time_median_ms" and row["time_note"]:
         return notes.mark(f"as published: {row['time_note']}")
     return ""
-
-
-def _waited(row: Row) -> bool:
-    """Return whether a method stood still for a good part of its time. With several threads this cannot be seen."""
-    wall, cpu = row.get("time_median_ms"), row.get("cpu_median_ms")
-    return wall is not None and cpu is not None and wall > WAITED * cpu

@@ -22,7 +22,7 @@ def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
             seed, threads or device. Names that would then be the same get a part of their hash, or their settings.
 
     Raises:
-        UserError: As read_run; or the runs do not compare and `mixed` is not set.
+        UserError: As read_run; the runs do not compare and `mixed` is not set; or one's ground truth is not another's.
     """
     if not run_dirs:
         raise UserError("no run given; `regbench table RUN...`")
@@ -31,9 +31,18 @@ def read_runs(run_dirs: Sequence[Path], *, mixed: bool = False) -> RunData:
     if not mixed:
         _refuse_mixture(groups)
     truths: dict[tuple[str, str], Truths] = {}
-    for run in runs:
+    for path, run in zip(run_dirs, runs, strict=True):
         for protocol, known in run.truths.items():
-            truths[protocol] = truths[protocol].joined(known) if protocol in truths else known
+            if protocol not in truths:
+                truths[protocol] = known
+                continue
+            if (problem := truths[protocol].differing(known)) is not None:
+                raise UserError(
+                    f"{path / 'problems.jsonl'}: problem {problem} of {protocol[0]} has another T_target_source than "
+                    "in the folders before it, under one hash of the protocol: one was damaged. Give its run's command "
+                    "again"
+                )
+            truths[protocol] = truths[protocol].joined(known)
     together = RunData(
         _named_apart(_merged(groups)),
         truths,

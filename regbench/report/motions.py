@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from regbench.geometry.se3 import RIGID_TOLERANCE
+from regbench.geometry.se3 import RIGID_TOLERANCE, why_not_rigid
 
 Array = NDArray[np.float64]
 Positions = NDArray[np.int64]
 
 # A rotation's entries are well within; so is any motion that a runner let pass. Beyond, products of entries overflow.
 LARGEST_COSINE, LARGEST_TRANSLATION = 1.1, 1e100
+BLOCK = 65536  # matrices looked at together: their products take memory
 
 
 def append_motion(motions: array[float], T_target_source: Any) -> bool:
@@ -36,13 +37,20 @@ def unpacked(motions: array[float]) -> Array:
     return np.frombuffer(motions, dtype=np.float64).reshape(-1, 4, 4)
 
 
-def beyond_limits(motions: Array) -> Positions:
-    """Return the positions of those of (n, 4, 4) matrices that are not finite, or longer than any motion's entry."""
-    return np.flatnonzero(~_within_limits(motions))
+def first_not_rigid(motions: Array) -> tuple[int, str] | None:
+    """Return the position of the first of (n, 4, 4) matrices that is no rigid motion, and why; None if all are."""
+    for start in range(0, len(motions), BLOCK):
+        for position in start + _suspects(motions[start : start + BLOCK]):
+            reason = why_not_rigid(T := motions[position])
+            if reason is None and np.abs(T).max() >= LARGEST_TRANSLATION:
+                reason = "longer than any"
+            if reason is not None:
+                return int(position), reason
+    return None
 
 
-def suspects(motions: Array) -> Positions:
-    """Return the positions of those of (n, 4, 4) matrices that may not be rigid, for `why_not_rigid` to judge."""
+def _suspects(motions: Array) -> Positions:
+    """Return the positions of those that may not be rigid, for `why_not_rigid` to judge."""
     rigid = _within_limits(motions)
     within = motions[rigid]
     R = within[:, :3, :3]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from regbench.report.motions import append_motion, beyond_limits, unpacked
+from regbench.report.motions import append_motion, first_not_rigid, unpacked
 from regbench.runner.status import Status
 
 Array = NDArray[np.float64]
@@ -159,19 +159,23 @@ class TrialsBuilder:
         """Return what was taken, in order.
 
         Raises:
-            NotATrialError: An answer's numbers are no motion's. That it is rigid was the runner's to check.
+            NotATrialError: An answer is no motion, which the runner would not have let pass, or a time is negative.
         """
         T_target_source = unpacked(self._motions)
-        if (bad := beyond_limits(T_target_source)).size:
-            raise NotATrialError(self._lines[bad[0]], "status ok without a 4x4 T_target_source")
+        if found := first_not_rigid(T_target_source):
+            position, reason = found
+            raise NotATrialError(self._lines[position], f"status ok, but T_target_source is not a motion: {reason}")
+        time_ms, cpu_ms = (np.frombuffer(column, dtype=np.float64) for column in (self._time_ms, self._cpu_ms))
+        if (negative := np.flatnonzero((time_ms < 0) | (cpu_ms < 0))).size:
+            raise NotATrialError(self._lines[negative[0]], "a negative time")
         return _in_order(
             problems=np.frombuffer(self._problems, dtype=np.int64),
             repeats=np.frombuffer(self._repeats, dtype=np.int64),
             trial_keys=np.array(self._keys, dtype=object),
             codes=np.frombuffer(self._codes, dtype=np.int64),
             T_target_source=T_target_source,
-            time_ms=np.frombuffer(self._time_ms, dtype=np.float64),
-            cpu_ms=np.frombuffer(self._cpu_ms, dtype=np.float64),
+            time_ms=time_ms,
+            cpu_ms=cpu_ms,
             machines=np.array(self._machines, dtype=object),
         )
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from regbench.errors import UserError
 from regbench.geometry.se3 import why_not_rigid
 from regbench.json_lines import parse_json
-from regbench.report.motions import LARGEST_TRANSLATION, append_motion, suspects, unpacked
+from regbench.report.motions import append_motion, first_not_rigid, unpacked
 
 Array = NDArray[np.float64]
 UNKNOWN = [float("nan")] * 16
@@ -54,6 +54,14 @@ class Truths(Mapping[int, "Array | None"]):
         """Return the least of (k,) problems that is not here, or None."""
         lacking = problems[~np.isin(problems, self.problems)]
         return int(lacking.min()) if lacking.size else None
+
+    def differing(self, other: Truths) -> int | None:
+        """Return the least of the problems that both hold whose truths are not the same, or None."""
+        both, mine, theirs = np.intersect1d(self.problems, other.problems, assume_unique=True, return_indices=True)
+        ours, others = self.T_target_source[mine], other.T_target_source[theirs]
+        same = (ours == others) | (np.isnan(ours) & np.isnan(others))
+        differing = both[~same.all(axis=(1, 2))]
+        return int(differing[0]) if differing.size else None
 
     def joined(self, later: Truths) -> Truths:
         """Return both; of a problem that both hold, the later one's."""
@@ -110,12 +118,9 @@ class _TruthsBuilder:
         """
         T_target_source = unpacked(self._motions)
         known = np.flatnonzero(np.frombuffer(self._known, dtype=np.int64))
-        for position in known[suspects(T_target_source[known])]:
-            reason = why_not_rigid(T := T_target_source[position])
-            if reason is None and np.abs(T).max() >= LARGEST_TRANSLATION:
-                reason = "longer than any"
-            if reason is not None:
-                raise _NoMotionError(self._lines[position], reason)
+        if found := first_not_rigid(T_target_source[known]):
+            position, reason = found
+            raise _NoMotionError(self._lines[known[position]], reason)
         return _in_order(np.frombuffer(self._problems, dtype=np.int64), T_target_source)
 
 

@@ -26,6 +26,7 @@ class Comparison:
         method: Name of the method.
         protocol: Id of the protocol.
         same: How many ended alike, with the same 64 bits in every entry of the transform.
+        answered: How many of these have a transform.
         moved: (problem, repeat) of those with another transform, and by how much: degrees, and length.
         otherwise: (problem, repeat) of those that ended otherwise: the status before and now.
         absent: How many of the first run's trials the second has no row of.
@@ -35,6 +36,7 @@ class Comparison:
     method: str
     protocol: str
     same: int = 0
+    answered: int = 0
     moved: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
     otherwise: dict[tuple[int, int], tuple[Status, Status]] = field(default_factory=dict)
     absent: int = 0
@@ -73,6 +75,7 @@ def _compared(before: Group, after: Group | None, limit: int | None) -> Comparis
             found.otherwise[key] = (trial.status, other.status)
         elif _bits(other) == _bits(trial):
             found.same += 1
+            found.answered += trial.status is Status.OK
         else:
             found.moved[key] = _distance(trial, other)
     return found
@@ -130,7 +133,8 @@ def in_words(comparisons: Sequence[Comparison], differing: Sequence[str]) -> str
         lines.append(f"NOT the same: {different} of {len(comparisons)} rows of the table differ")
     else:
         lines += [f"though these differ: {'; '.join(differing)}"] if differing else []
-        lines.append("the same: every transform, bit for bit")
+        answered = any(found.answered for found in comparisons)
+        lines.append(f"the same: {'every transform, bit for bit' if answered else 'no trial answered, in either run'}")
     return "\n".join(lines)
 
 

@@ -32,7 +32,7 @@ def rows_in(path: Path) -> Iterator[Row]:
                 if line.endswith(b"\n"):
                     yield _row(path, number, line)
     except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror})") from error
+        raise UserError(f"{path}: cannot be read ({error.strerror}); is this the folder of a run?") from error
 
 
 def read_rows(path: Path) -> list[Row]:

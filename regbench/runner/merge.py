@@ -40,8 +40,11 @@ def merge_runs(folders: Sequence[Path], out: Path, *, anyway: bool = False) -> t
         UserError: The runs do not go together (another seed, threads, device; a method or protocol that has changed),
             their answers to a trial differ, a folder is damaged, or `out` exists or cannot be written.
     """
-    if out.exists():
-        raise UserError(f"{out}: exists already; name another --out, or move it away")
+    try:
+        if out.exists():
+            raise UserError(f"{out}: exists already; name another --out, or move it away")
+    except OSError as error:
+        raise UserError(f"{out}: cannot be made ({error.strerror})") from error
     described = [(folder, _manifest(folder)) for folder in folders]
     try:
         merged = _merged(described)
@@ -161,8 +164,12 @@ def _answer(row: Row) -> tuple[Any, Any]:
 
 
 def _problems(described: Sequence[tuple[Path, Manifest]]) -> list[str]:
-    """Return the lines of all problems, each once; of one that several folders hold, the first folder's."""
-    lines: dict[tuple[str, int], str] = {}
+    """Return the lines of all problems, each once.
+
+    Raises:
+        UserError: A line is no problem, or folders differ in a problem's truth.
+    """
+    lines: dict[tuple[str, int], tuple[Any, str]] = {}
     for folder, _ in described:
         path = RunDir(folder).problems
         try:
@@ -172,7 +179,13 @@ def _problems(described: Sequence[tuple[Path, Manifest]]) -> list[str]:
         for number, line in enumerate(text, start=1):
             try:
                 row = json.loads(line)
-                lines.setdefault((row["protocol"], row["problem"]), line.decode())
+                truth = row["T_target_source"]
+                known = lines.setdefault((row["protocol"], row["problem"]), (truth, line.decode()))
             except (ValueError, KeyError, TypeError) as error:
                 raise UserError(f"{path}: line {number} is not a problem; the file was damaged") from error
-    return list(lines.values())
+            if known[0] != truth:
+                raise UserError(
+                    f"{path}: line {number} has another T_target_source than the folders before it; one of them was "
+                    "damaged. Give its run's command again"
+                )
+    return [line for _, line in lines.values()]

@@ -133,7 +133,8 @@ def merge_manifest(run: RunDir, manifest: dict[str, Any]) -> dict[str, Any]:
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         what = f"has no {error}" if isinstance(error, KeyError) else str(error)
         raise UserError(
-            f"{run.manifest}: is not a run's manifest ({what}); restore it, or give --fresh to set the old rows aside"
+            f"{run.manifest}: is not a run's manifest ({what}); restore it, or set the old rows aside: "
+            "`regbench run --fresh`"
         ) from error
 
 
@@ -143,7 +144,7 @@ def _merged(run: RunDir, manifest: dict[str, Any], before: dict[str, Any]) -> di
         if was != now:
             raise UserError(
                 f"{run.path}: holds a run with --{option} {was}, this one has --{option} {now}; "
-                "give another --out, or --fresh to set the old rows aside"
+                "give another --out, or set the old rows aside: `regbench run --fresh`"
             )
     manifest["config"]["repeat"] = max(manifest["config"]["repeat"], before["config"]["repeat"])
     ids = {protocol["id"]: protocol for protocol in manifest["protocols"]}

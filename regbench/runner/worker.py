@@ -73,6 +73,8 @@ def failure(error: BaseException) -> Message:
     """Return the status and the words for what a method raised."""
     import traceback
 
+    from regbench.errors import printable
+
     traceback.print_exception(error)  # to the worker's log
     if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
         status = "oom"
@@ -80,7 +82,7 @@ def failure(error: BaseException) -> Message:
         status = "missing"
     else:
         status = "error"
-    words = " ".join(str(error).split())
+    words = printable(" ".join(str(error).split()))
     return {"status": status, "error": f"{type(error).__name__}: {words}"[:500] if words else type(error).__name__}
 
 

@@ -214,3 +214,57 @@ def test_formats_have_the_same_figures(tmp_path, errors, capsys):
         assert f"{record['before']:.4f}" in printed[name]
         assert "icp (changed)" in printed[name]
     assert capsys.readouterr().out == ""
+
+
+def test_a_run_that_was_cut_short_does_not_pass(tmp_path, errors, capsys):
+    a, b = (run_of(tmp_path / name, degrees) for name, degrees in zip("ab", errors, strict=True))
+    rows = (b / "trials.jsonl").read_text().splitlines(keepends=True)
+    (b / "trials.jsonl").write_text("".join(rows[:7]))
+    gate = ["compare", str(a), str(b), "--metric", "mae_r_deg", "--fail-if", "failures grows by 1"]
+    assert main(gate) == 2
+    assert f"the second run is unfinished: 7 of {N} trials of icp on demo@1" in capsys.readouterr().err
+    assert main(["compare", str(b), str(a)]) == 2
+    assert f"the first run is unfinished: 7 of {N} trials of icp on demo@1" in capsys.readouterr().err
+    assert main([*gate, "--anyway"]) == 0
+    assert f"7 trials are in both runs, of {N} and 7." in capsys.readouterr().out
+
+
+def test_a_run_of_fewer_problems_says_how_many_are_compared(tmp_path, errors, capsys):
+    a = run_of(tmp_path / "a", errors[0])
+    b = run_of(tmp_path / "b", errors[1][:9], p=DEMO | {"n": 9})
+    assert main(["compare", str(a), str(b), "--metric", "mae_r_deg"]) == 0
+    assert f"demo@1: 9 trials are in both runs, of {N} and 9." in capsys.readouterr().out
+    assert main(["compare", str(a), str(b), "--metric", "mae_r_deg", "--format", "json"]) == 0
+    (record,) = json.loads(capsys.readouterr().out)
+    assert (record["n"], record["trials_before"], record["trials_after"]) == (9, N, 9)
+
+
+def test_times_of_a_shared_core_are_named(tmp_path, errors, capsys):
+    a, b = (run_of(tmp_path / name, degrees) for name, degrees in zip("ab", errors, strict=True))
+    rows = [json.loads(line) for line in (b / "trials.jsonl").read_text().splitlines()]
+    for each in rows:
+        each["time_ms"] = 2 * each["cpu_ms"]
+    (b / "trials.jsonl").write_text("".join(json.dumps(each) + "\n" for each in rows))
+    words = "demo@1: times of icp in one of the runs are over 1.25 times the CPU time"
+    assert main(["compare", str(a), str(b), "--metric", "time_median_ms"]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    assert main(["compare", str(a), str(b), "--metric", "time_median_ms", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["times_disturbed"] is True
+    assert main(["compare", str(a), str(b), "--metric", "mae_r_deg"]) == 0
+    assert words not in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_method_that_no_longer_answers_fails_a_condition_on_time(tmp_path, errors, capsys):
+    a = run_of(tmp_path / "a", errors[0])
+    b = run_of(tmp_path / "b", errors[1], failed=range(N))
+    assert main(["compare", str(a), str(b), "--fail-if", "time grows by 20%"]) == 1
+    assert f"icp on demo@1, no time in the second run: all {N} trials failed" in capsys.readouterr().err
+
+
+def test_a_truth_that_was_changed_is_refused(tmp_path, errors, capsys):
+    a, b = (run_of(tmp_path / name, degrees) for name, degrees in zip("ab", errors, strict=True))
+    lines = [json.loads(line) for line in (b / "problems.jsonl").read_text().splitlines()]
+    lines[4]["T_target_source"] = motion((1, 2, 3)).tolist()
+    (b / "problems.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert main(["compare", str(a), str(b)]) == 2
+    assert "problem 4 of demo@1 has another ground truth in the second run" in capsys.readouterr().err

@@ -7,6 +7,7 @@ import pytest
 
 from regbench.cli.main import main
 from regbench.errors import UserError
+from regbench.report.merge import read_runs
 from regbench.report.rundata import read_run
 from regbench.runner.merge import merge_runs
 from tests.report.helpers import method, motion, protocol, row, write_run
@@ -92,9 +93,13 @@ def test_what_does_not_go_together_is_refused(tmp_path, options, words):
     ("file", "text", "words"),
     [
         ("manifest.json", "[]", "manifest.json: is not a run's manifest"),
-        ("manifest.json", '{"config": {"seed": 0, "threads": 1, "device": "cpu"}}', "one is not a run"),
+        (
+            "manifest.json",
+            '{"config": {"seed": 0, "threads": 1, "device": "cpu"}}',
+            "manifest.json: is not a run's manifest",
+        ),
         ("trials.jsonl", "{}\n", "line 1 is not a trial"),
-        ("trials.jsonl", '{"key":"a"}\n', "one is not a run"),
+        ("trials.jsonl", '{"key":"a"}\n', "line 1 is not a trial (has no 'method')"),
         ("problems.jsonl", "1\n", "line 1 is not a problem"),
     ],
 )
@@ -108,8 +113,20 @@ def test_a_damaged_folder_is_one_clear_line(tmp_path, capsys, file, text, words)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
 
 
+def test_folders_that_differ_in_a_truth_are_refused(tmp_path):
+    a, b = shard(tmp_path / "a", [0]), shard(tmp_path / "b", [1])
+    lines = [json.loads(line) for line in (b / "problems.jsonl").read_text().splitlines()]
+    lines[2]["T_target_source"] = motion((1, 2, 3)).tolist()
+    (b / "problems.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(UserError, match=r"b/problems.jsonl: line 3 has another T_target_source"):
+        merge_runs([a, b], tmp_path / "c")
+    with pytest.raises(UserError, match=r"b/problems.jsonl: problem 2 of demo@1 has another T_target_source"):
+        read_runs([a, b])
+
+
 def test_a_folder_that_is_there_is_left_alone(tmp_path, capsys):
     a = shard(tmp_path / "a", [0])
     assert main(["merge", str(a), "--out", str(a)]) == 2
     assert "exists already" in capsys.readouterr().err
     assert main(["merge", str(a), "--out", str(a / "trials.jsonl" / "x")]) == 2
+    assert main(["merge", str(a), "--out", str(tmp_path / ("x" * 500))]) == 2
