@@ -120,7 +120,10 @@ def split_names(texts: Iterable[str] | None) -> list[str] | None:
 def _parse_method(text: str) -> list[MethodSpec]:
     match = re.fullmatch(r"([A-Za-z0-9_.\-]+)(?:\[([^\[\]]*)\])?", text)
     if match is None:
-        raise UserError(f"cannot read method '{text}'; write name or name[parameter=value,...]")
+        raise UserError(
+            f"cannot read method '{text}'; write name or name[parameter=value,...], "
+            "the name in letters, digits, '_', '.' and '-'"
+        )
     name, inside = match.groups()
     values: dict[str, list[str]] = {}
     key = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,8 +100,8 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
     rows, config = content["methods"], content["config"]
     settings = ", ".join(f"{option} {config[option]}" for option in SETTINGS if option in config)
     methods = {
-        _text(row, "method"): MethodInfo(
-            _text(row, "method"),
+        _name(row, "method"): MethodInfo(
+            _name(row, "method"),
             _kind(row),
             bool(row["sees_ground_truth"]),
             _text(row, "fingerprint"),
@@ -111,9 +112,9 @@ def _parse(content: Mapping[str, Any]) -> Manifest:
         for row in rows
     }
     protocols = {
-        _text(row, "id"): ProtocolInfo(
-            id=_text(row, "id"),
-            label=_text(row, "id"),
+        _name(row, "id"): ProtocolInfo(
+            id=_name(row, "id"),
+            label=_name(row, "id"),
             description=_text(row, "description"),
             dataset=_text_or_none(row, "dataset"),
             sha256=_text(row, "sha256"),
@@ -133,6 +134,14 @@ def _text(row: Mapping[str, Any], key: str) -> str:
     if not isinstance(value := row[key], str):
         raise TypeError(f"'{key}' is no text")
     return value
+
+
+def _name(row: Mapping[str, Any], key: str) -> str:
+    """Return what stands in every table, which a terminal must print and not obey."""
+    name = _text(row, key)
+    if any(unicodedata.category(character) == "Cc" for character in name):
+        raise ValueError(f"'{key}' has control characters: {name!r}")
+    return name
 
 
 def _text_or_none(row: Mapping[str, Any], key: str) -> str | None:

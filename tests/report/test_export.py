@@ -96,6 +96,7 @@ def test_bop_has_its_columns_and_units(folder, tmp_path, capsys):
     assert np.array_equal(np.array(R.split(), dtype=float).reshape(3, 3), T[:3, :3])
     assert np.allclose(np.array(t.split(), dtype=float), 1000 * T[:3, 3], rtol=1e-15)
     assert float(time_s) == trial.time_ms / 1000
+    assert "trials.bop: 2 trials of 6; it has no row for those that failed, nor for repeats" in capsys.readouterr().out
     assert main(["export", str(folder), "--format", "bop", "-o", str(tmp_path / "x")]) == 2
     assert "choose by --method one of fgr" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()

@@ -155,6 +155,16 @@ def test_a_folder_that_is_no_run(tmp_path):
         read_run(tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize("part", ["methods", "protocols"])
+def test_a_name_that_a_terminal_would_obey_is_refused(tmp_path, part):
+    run = example_run(tmp_path)
+    manifest = json.loads((run / "manifest.json").read_text())
+    manifest[part][0][{"methods": "method", "protocols": "id"}[part]] = "red\x1b[31m"
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(UserError, match=r"has control characters: 'red\\x1b\[31m'"):
+        read_run(run)
+
+
 def test_a_manifest_of_another_shape(tmp_path):
     run = example_run(tmp_path)
     manifest = json.loads((run / "manifest.json").read_text())

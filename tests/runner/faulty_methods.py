@@ -29,7 +29,7 @@ class Raises(Faulty):
     name = "raises"
 
     def go_wrong(self, problem):
-        raise RuntimeError("on\npurpose")
+        raise RuntimeError("on\npurpose\x1b[31m")
 
 
 class Sleeps(Faulty):

@@ -13,7 +13,7 @@ PROBLEMS = 6
 
 # What is expected of the trials with an odd seed: status, and words of the error.
 EXPECTED = {
-    "raises": ("error", "RuntimeError: on purpose"),
+    "raises": ("error", r"RuntimeError: on purpose\x1b[31m"),
     "sleeps": ("timeout", "no answer after 3 s"),
     "ignores_sigterm": ("timeout", "no answer after 3 s"),
     "spins": ("timeout", "no answer after 3 s"),

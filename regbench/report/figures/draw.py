@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from regbench.drawing import new_figure
 from regbench.errors import UserError
 from regbench.report.cloud_metrics import cloud_errors
@@ -16,6 +18,7 @@ from regbench.report.merge import read_runs
 from regbench.report.rundata import Group
 from regbench.report.summary import summarise
 from regbench.report.table import choose
+from regbench.report.trials import Trials
 
 
 def draw_figure(
@@ -66,6 +69,8 @@ def draw_figure(
     by_protocol = {label: groups for label, groups in by_protocol.items() if any(group.trials for group in groups)}
     if not by_protocol:
         raise UserError("nothing to draw: the runs have no trial yet")
+    if kind.compares_times and not any(_has_time(group.trials) for group in run.groups):
+        raise UserError(f"plot {name}: no trial here has a time: all failed, or were run in batches")
     needs_clouds = any(metric.needs == "clouds" for metric in chosen_metrics)
     errors = cloud_errors(run, data_dir) if needs_clouds else None
     number = len(by_protocol) * max(1, len(chosen_metrics)) * max(1, len(chosen))
@@ -81,3 +86,7 @@ def draw_figure(
     )
     with printed_page():
         save(arrange(kind.panels(material), material, kind.legend(material)), out)
+
+
+def _has_time(trials: Trials) -> bool:
+    return bool((trials.answered & np.isfinite(trials.time_ms)).any())

@@ -296,6 +296,14 @@ def test_a_protocol_without_a_trial_has_no_panel(drawn, tmp_path):
         drawn("recall", [run], protocols=["later@1"])
 
 
+@pytest.mark.parametrize("name", ["time", "pareto"])
+def test_a_figure_of_times_needs_one(drawn, tmp_path, name):
+    m, p = method("icp"), protocol("demo@1", [motion()])
+    run = write_run(tmp_path / "run", [m], [p], [row(m, p, 0, status="timeout")])
+    with pytest.raises(UserError, match=f"plot {name}: no trial here has a time: all failed"):
+        drawn(name, [run])
+
+
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
