@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from regbench.datasets.readers.checks import read_bytes
 from regbench.datasets.readers.cloud import read_cloud
 from regbench.datasets.readers.transform import read_transform
-from regbench.errors import UserError
+from regbench.errors import UserError, printable
 from regbench.geometry.se3 import nearest_rigid, why_not_rigid
 from regbench.protocols.protocol import Pair, ProblemSet, Protocol
 
@@ -96,7 +96,7 @@ class _Pairs(ProblemSet):
                 try:
                     content = read_bytes(path)
                 except UserError as error:
-                    why = str(error).removeprefix(f"{path}: ")
+                    why = str(error).removeprefix(printable(f"{path}: "))
                     raise UserError(f"{folder / TABLE}: names {name!r}: {why}") from None
                 digest.update(hashlib.sha256(content).digest())
         self.data_sha256 = digest.hexdigest()
