@@ -58,9 +58,12 @@ def test_a_link_stays_one_and_its_file_is_written(run, tmp_path):
 def test_a_pipe_is_written_and_not_replaced(run, tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with subprocess.Popen(["cat", tmp_path / "pipe"], stdout=subprocess.PIPE, text=True) as reader:
-        assert written(["table"], run, tmp_path / "pipe") == 0
-        assert "demo@1" in reader.stdout.read()
-    assert (tmp_path / "pipe").is_fifo()
+        try:
+            assert written(["table"], run, tmp_path / "pipe") == 0
+            assert (tmp_path / "pipe").is_fifo()
+            assert "demo@1" in reader.communicate(timeout=20)[0]
+        finally:
+            reader.kill()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")

@@ -163,14 +163,20 @@ def children_of(pid):
     return [child.pid for child in psutil.Process(pid).children(recursive=True)]
 
 
-def test_a_crash_of_a_method_kills_neither_a_dask_worker_nor_the_run(tmp_path, processes):
-    plugin = tmp_path / "faulty.py"
-    plugin.write_text(FAULTY)
-    _, address = start_scheduler(processes, tmp_path)
-    workers = start_workers(processes, address, count=1)
-    run = running(["run", "--plugin", plugin, "--method", "dies", "--limit", 12], tmp_path / "dask", address)
+def run_of_plugin(processes, folder, text, method, *, limit, workers):
+    """Run a plugin's method on a scheduler with workers; return these, the exit code and what was said."""
+    plugin = folder / "plugin.py"
+    plugin.write_text(text)
+    _, address = start_scheduler(processes, folder)
+    started = start_workers(processes, address, count=workers)
+    run = running(["run", "--plugin", plugin, "--method", method, "--limit", limit], folder / "dask", address)
     _, words = run.communicate(timeout=90)
-    assert run.returncode == 0, words
+    return started, run.returncode, words
+
+
+def test_a_crash_of_a_method_kills_neither_a_dask_worker_nor_the_run(tmp_path, processes):
+    workers, code, words = run_of_plugin(processes, tmp_path, FAULTY, "dies", limit=12, workers=1)
+    assert code == 0, words
     statuses = [row["status"] for row in rows_of(tmp_path / "dask")]
     assert len(statuses) == 12
     assert set(statuses) == {"ok", "crashed"}
@@ -179,13 +185,8 @@ def test_a_crash_of_a_method_kills_neither_a_dask_worker_nor_the_run(tmp_path, p
 
 def test_a_block_under_which_every_dask_worker_dies_ends_the_run_in_one_line(tmp_path, processes, monkeypatch):
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
-    plugin = tmp_path / "deadly.py"
-    plugin.write_text(DEADLY)
-    _, address = start_scheduler(processes, tmp_path)
-    workers = start_workers(processes, address, count=2)
-    run = running(["run", "--plugin", plugin, "--method", "deadly", "--limit", 2], tmp_path / "dask", address)
-    _, words = run.communicate(timeout=90)
-    assert run.returncode == 2, words
+    workers, code, words = run_of_plugin(processes, tmp_path, DEADLY, "deadly", limit=2, workers=2)
+    assert code == 2, words
     assert "dask gave up on a block of trials: every worker that took it died" in words
     assert "Traceback" not in words
     assert [worker.wait(timeout=10) for worker in workers] == [-signal.SIGKILL] * 2
