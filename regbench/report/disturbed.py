@@ -1,4 +1,4 @@
-"""Times in which a method stood still: what its core did then, no table knows."""
+"""Whether times can be quoted: a wall time far above the CPU time was taken on a core that something else used."""
 
 from __future__ import annotations
 
